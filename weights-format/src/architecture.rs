@@ -38,6 +38,11 @@ impl Widths {
         Widths::uniform(Widths::FULL.backbone.map(keep), keep(256))
     }
 
+    /// The ratio `r` of 0.0, 0.1 .. 0.9 for which these widths are [`Widths::pruned(r)`](Widths::pruned), if any.
+    pub fn pruning_ratio(&self) -> Option<f64> {
+        (0..10).map(|tenths| f64::from(tenths) / 10.0).find(|&r| Widths::pruned(r) == *self)
+    }
+
     /// Every width in the order of the file: backbone, neck, classification tower, regression tower.
     pub fn all(&self) -> [usize; 13] {
         let mut all = [0; 13];
@@ -84,7 +89,14 @@ pub struct Encoder {
 impl Encoder {
     /// The default: one shared 3x3 convolution with pad 1 and ReLU that keeps its `width` channels.
     pub const fn standard(width: usize) -> Encoder {
-        Encoder { kernel: 3, layers: 1, width, relu: true, shared: true, position: EncoderPosition::BeforeNeck }
+        Encoder {
+            kernel: 3,
+            layers: 1,
+            width,
+            relu: true,
+            shared: true,
+            position: EncoderPosition::BeforeNeck,
+        }
     }
 }
 
@@ -94,7 +106,8 @@ impl Encoder {
 pub struct Architecture {
     /// Channels per layer.
     pub widths: Widths,
-    /// `None` is the P-SiamFC++ family.
+    /// `None` is the P-SiamFC++ family; a file must say so with an explicit `null`.
+    #[serde(deserialize_with = "Option::deserialize")]
     pub encoder: Option<Encoder>,
     /// Side of the template crop in pixels.
     pub template_size: usize,
@@ -163,6 +176,11 @@ impl Layer {
         }
         let per_output = self.in_channels * self.kernel * self.kernel + 1 + 2 * usize::from(self.bn);
         per_output * self.out_channels
+    }
+
+    /// Shape of `<name>.weight`: `[Cout, kh, kw, Cin]` (OHWI).
+    pub fn weight_shape(&self) -> [usize; 4] {
+        [self.out_channels, self.kernel, self.kernel, self.in_channels]
     }
 
     /// Multiply-accumulates on the template crop, all runs.
@@ -273,7 +291,13 @@ impl Architecture {
         let w = &self.widths;
         let (z, x) = (backbone_sides(self.template_size), backbone_sides(self.search_size));
         let mut layers = Vec::with_capacity(24);
-        let conv = |name: &str, branch, (cin, cout): (usize, usize), (kernel, pad): (usize, usize), relu, bn, (oz, ox)| {
+        let conv = |name: &str,
+                    branch,
+                    (cin, cout): (usize, usize),
+                    (kernel, pad): (usize, usize),
+                    relu,
+                    bn,
+                    (oz, ox)| {
             Layer {
                 name: name.into(),
                 kind: LayerKind::Conv,
@@ -379,6 +403,22 @@ impl Architecture {
         layers
     }
 
+    /// Name and shape of every tensor in execution order: a weight `[Cout, kh, kw, Cin]` and a bias `[Cout]` per
+    /// convolution.
+    ///
+    /// Expects an architecture that passed [`check`](Self::check).
+    pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
+        let convolutions = self.layers().into_iter().filter(|layer| layer.kind == LayerKind::Conv);
+        convolutions
+            .flat_map(|layer| {
+                [
+                    (format!("{}.weight", layer.name), layer.weight_shape().to_vec()),
+                    (format!("{}.bias", layer.name), vec![layer.out_channels]),
+                ]
+            })
+            .collect()
+    }
+
     /// Trainable parameters of the deployed network as papers count them, with the two scalars of the offsets.
     pub fn parameters(&self) -> usize {
         self.layers().iter().map(Layer::parameters).sum::<usize>() + 2
@@ -475,6 +515,23 @@ mod tests {
             assert_eq!(a.parameters(), parameters, "{encoder:?}");
             assert!((a.macs_search() as f64 / 1e6 - search).abs() < 0.051, "{encoder:?}");
         }
+    }
+
+    #[test]
+    fn knows_its_own_pruning_ratio() {
+        for tenths in 0..10 {
+            let ratio = f64::from(tenths) / 10.0;
+            assert_eq!(Widths::pruned(ratio).pruning_ratio(), Some(ratio));
+        }
+        assert_eq!(Widths { neck_reg: 255, ..Widths::FULL }.pruning_ratio(), None);
+    }
+
+    #[test]
+    fn tensors_hold_the_parameters_without_bn() {
+        let a = Architecture::new(Widths::FULL, None);
+        let elements: usize = a.tensors().iter().map(|(_, shape)| shape.iter().product::<usize>()).sum();
+        assert_eq!(elements, 9_645_602 - 2 + 3_942); // spec section 1.2: weights without si and bi, biases
+        assert_eq!(a.tensors()[0], ("backbone.conv1.weight".into(), vec![96, 11, 11, 3]));
     }
 
     #[test]

@@ -1,7 +1,36 @@
 //! The tracker's weights file: bytes <-> named, typed, checked tensors. `FORMAT.md` is the normative description.
+//!
+//! ```
+//! use weights_format::{Architecture, Encoder, Weights, Widths};
+//!
+//! let architecture = Architecture::new(Widths::pruned(0.8), Some(Encoder::standard(51)));
+//! let bytes = Weights::random(architecture, 1).to_bytes()?;
+//! let weights = Weights::from_bytes(&bytes)?;
+//! assert_eq!(weights.tensor("backbone.conv1.weight").unwrap().shape, [19, 11, 11, 3]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | file | what is in it |
+//! |---|---|
+//! | `architecture` | widths, encoder, crop sizes; the layers and tensors that follow from them |
+//! | `header` | everything a file says beside its tensors, with its bounds |
+//! | `weights` | header and tensors together: insert, look up, check, random |
+//! | `container` | bytes: the safetensors container, f32 and f16 |
+//! | `file` | paths: bounded reading, atomic writing |
 
 #![forbid(unsafe_code)]
 
 pub mod architecture;
+mod container;
+mod error;
+mod file;
+mod header;
+mod weights;
 
-pub use architecture::{Architecture, ArchitectureError, Branch, Encoder, EncoderPosition, Layer, LayerKind, Widths};
+pub use architecture::{
+    Architecture, ArchitectureError, Branch, Encoder, EncoderPosition, Layer, LayerKind, Widths,
+};
+pub use container::{MAX_FILE_BYTES, MAX_HEADER_BYTES};
+pub use error::{ReadError, WriteError};
+pub use header::{ChannelOrder, Header, InputNormalisation, Provenance, Storage, TrackerParams};
+pub use weights::{Tensor, Weights};

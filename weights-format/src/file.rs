@@ -1,0 +1,77 @@
+//! Weights as files: bounded reading, atomic writing.
+
+use crate::{
+    container::MAX_FILE_BYTES,
+    error::{ReadError, WriteError},
+    weights::Weights,
+};
+use std::{
+    fs::{self, File},
+    io::{self, Read, Write},
+    path::{Path, PathBuf},
+    process,
+    sync::atomic::{AtomicU32, Ordering},
+};
+
+impl Weights {
+    /// Reads a weights file and checks all of it.
+    ///
+    /// # Errors
+    /// Names the file and says, as [`from_bytes`](Self::from_bytes) does, what is wrong with it.
+    pub fn read(path: &Path) -> Result<Weights, ReadError> {
+        let name = |error| ReadError::File { path: path.into(), error: Box::new(error) };
+        let bytes = read_bounded(path).map_err(name)?;
+        Weights::from_bytes(&bytes).map_err(name)
+    }
+
+    /// Writes a weights file: beside its place first, then renamed, so that no reader ever sees half of it.
+    ///
+    /// # Errors
+    /// Those of [`to_bytes`](Self::to_bytes), and whatever the file system refuses.
+    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+        let bytes = self.to_bytes()?;
+        write_atomically(path, &bytes).map_err(|error| WriteError::Io { path: path.into(), error })
+    }
+}
+
+/// Reads no more than one byte beyond the bound, whatever a file's metadata say about its length.
+fn read_bounded(path: &Path) -> Result<Vec<u8>, ReadError> {
+    let file = File::open(path)?;
+    let length = file.metadata()?.len();
+    let too_long = |length| ReadError::container("file", format!("at most {MAX_FILE_BYTES} bytes"), length);
+    if length > MAX_FILE_BYTES {
+        return Err(too_long(format!("{length}")));
+    }
+    let mut bytes = Vec::with_capacity(length as usize);
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(too_long("more".into()));
+    }
+    Ok(bytes)
+}
+
+fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let temporary = beside(path)?;
+    let written = File::create_new(&temporary).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&temporary, path)
+    });
+    if written.is_err() {
+        // The first error is the one worth reporting; there may be nothing to remove.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}
+
+/// A name in the same directory that no other writer uses.
+fn beside(path: &Path) -> io::Result<PathBuf> {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let Some(name) = path.file_name() else {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not the name of a file"));
+    };
+    let mut temporary = std::ffi::OsString::from(".");
+    temporary.push(name);
+    temporary.push(format!(".{}.{}.tmp", process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
+    Ok(path.with_file_name(temporary))
+}

@@ -1,0 +1,243 @@
+//! Everything a weights file says beside its tensors, and the bounds within which it is believed.
+
+use crate::{architecture::Architecture, error::ReadError};
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use std::{collections::BTreeMap, ops::RangeInclusive};
+
+/// The one version of the format that this crate reads and writes.
+pub(crate) const FORMAT_VERSION: u64 = 1;
+
+/// What a file says about its network, beside the tensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Header {
+    /// Determines every tensor's name and shape.
+    pub architecture: Architecture,
+    /// Share of filters that pruning removed, in `[0, 1)`; `None` where no single ratio describes the widths.
+    pub pruning_ratio: Option<f64>,
+    /// From crop pixels to network input.
+    pub input: InputNormalisation,
+    /// The tracker's constants that suit these weights.
+    pub tracker: TrackerParams,
+    /// Type of the weights in the file.
+    pub storage: Storage,
+    /// Where the weights come from.
+    pub provenance: Provenance,
+}
+
+impl Header {
+    /// A header with the pruning ratio of the widths, default input and tracker, f32 storage and empty provenance.
+    pub fn new(architecture: Architecture) -> Header {
+        Header {
+            architecture,
+            pruning_ratio: architecture.widths.pruning_ratio(),
+            input: InputNormalisation::default(),
+            tracker: TrackerParams::default(),
+            storage: Storage::F32,
+            provenance: Provenance::default(),
+        }
+    }
+}
+
+/// Order of the three input channels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ChannelOrder {
+    /// Blue, green, red.
+    #[default]
+    Bgr,
+}
+
+/// Network input = `(pixel - mean) / std` per channel, with pixels in 0..=255.
+///
+/// The default is BGR as it is: mean 0, std 1 (spec section 2.3).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputNormalisation {
+    /// Order of the channels of the input and of `mean` and `std`.
+    pub channel_order: ChannelOrder,
+    /// Subtracted, in pixel values.
+    pub mean: [f32; 3],
+    /// Divided by, in pixel values; positive.
+    pub std: [f32; 3],
+}
+
+impl Default for InputNormalisation {
+    fn default() -> InputNormalisation {
+        InputNormalisation { channel_order: ChannelOrder::Bgr, mean: [0.0; 3], std: [1.0; 3] }
+    }
+}
+
+/// The tracker's constants; the default is the row for UAV benchmarks (spec section 2.7, row 1).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrackerParams {
+    /// Share of `w + h` that the template crop adds to each side of the box.
+    pub context_amount: f32,
+    /// Learning rate of the box size.
+    pub size_lr: f64,
+    /// Share of the window in the penalized score.
+    pub window_influence: f64,
+    /// Strength of the penalty on changes of size and aspect.
+    pub penalty_k: f64,
+    /// Smallest side of a box in image pixels.
+    pub min_size: f32,
+}
+
+impl Default for TrackerParams {
+    fn default() -> TrackerParams {
+        TrackerParams {
+            context_amount: 0.5,
+            size_lr: 0.5249642198880932,
+            window_influence: 0.23153228172839774,
+            penalty_k: 0.05413758904760692,
+            min_size: 10.0,
+        }
+    }
+}
+
+/// Type of the weights in the file; biases are always f32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Storage {
+    /// IEEE 754 binary32.
+    #[default]
+    F32,
+    /// IEEE 754 binary16, rounded to nearest even.
+    F16,
+}
+
+/// Where weights come from, in words for people.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Short name of the model.
+    pub name: String,
+    /// What it was made from or by.
+    pub source: String,
+    /// Anything else worth keeping: a key and a text each.
+    pub notes: BTreeMap<String, String>,
+}
+
+/// The metadata object as it is written.
+#[derive(Serialize)]
+struct Written<'a> {
+    format_version: u64,
+    architecture: &'a Architecture,
+    pruning_ratio: Option<f64>,
+    input: &'a InputNormalisation,
+    tracker: &'a TrackerParams,
+    storage: Storage,
+    provenance: &'a Provenance,
+}
+
+/// The metadata object as it is found: every field is there, none is looked into yet.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Found<'a> {
+    #[serde(borrow, rename = "format_version")]
+    _format_version: &'a RawValue,
+    #[serde(borrow)]
+    architecture: &'a RawValue,
+    #[serde(borrow)]
+    pruning_ratio: &'a RawValue,
+    #[serde(borrow)]
+    input: &'a RawValue,
+    #[serde(borrow)]
+    tracker: &'a RawValue,
+    #[serde(borrow)]
+    storage: &'a RawValue,
+    #[serde(borrow)]
+    provenance: &'a RawValue,
+}
+
+/// Only the version: read first, so that a newer file is called newer and not malformed.
+#[derive(Deserialize)]
+struct Version {
+    format_version: u64,
+}
+
+impl Header {
+    /// The metadata object, for a header that passed [`check`](Self::check).
+    pub(crate) fn to_json(&self) -> String {
+        let written = Written {
+            format_version: FORMAT_VERSION,
+            architecture: &self.architecture,
+            pruning_ratio: self.pruning_ratio,
+            input: &self.input,
+            tracker: &self.tracker,
+            storage: self.storage,
+            provenance: &self.provenance,
+        };
+        serde_json::to_string(&written).expect("structs of numbers and strings always serialize")
+    }
+
+    /// Reads and checks a metadata object.
+    pub(crate) fn from_json(json: &str) -> Result<Header, ReadError> {
+        let version: Version = parse("format_version", &FORMAT_VERSION.to_string(), json)?;
+        if version.format_version != FORMAT_VERSION {
+            return Err(ReadError::metadata("format_version", FORMAT_VERSION, version.format_version));
+        }
+        let found: Found = parse("track-cpu", "an object with exactly the fields of FORMAT.md", json)?;
+        let header = Header {
+            architecture: parse("architecture", "an architecture", found.architecture.get())?,
+            pruning_ratio: parse("pruning_ratio", "a number or null", found.pruning_ratio.get())?,
+            input: parse("input", "an input normalisation", found.input.get())?,
+            tracker: parse("tracker", "tracker parameters", found.tracker.get())?,
+            storage: parse("storage", "\"f32\" or \"f16\"", found.storage.get())?,
+            provenance: parse("provenance", "a provenance", found.provenance.get())?,
+        };
+        header.check()?;
+        Ok(header)
+    }
+
+    /// Checks every bound of FORMAT.md.
+    ///
+    /// # Errors
+    /// Names the first field that is out of range.
+    pub fn check(&self) -> Result<(), ReadError> {
+        self.architecture.check()?;
+        if let Some(ratio) = self.pruning_ratio.filter(|ratio| !(0.0..1.0).contains(ratio)) {
+            return Err(ReadError::metadata("pruning_ratio", "a number in [0, 1) or null", ratio));
+        }
+        for (mean, std) in self.input.mean.into_iter().zip(self.input.std) {
+            within("input.mean", f64::from(mean), -1e3..=1e3)?;
+            within("input.std", f64::from(std), 1e-3..=1e3)?;
+        }
+        let tracker = &self.tracker;
+        within("tracker.context_amount", f64::from(tracker.context_amount), 0.0..=4.0)?;
+        within("tracker.size_lr", tracker.size_lr, 0.0..=1.0)?;
+        within("tracker.window_influence", tracker.window_influence, 0.0..=1.0)?;
+        within("tracker.penalty_k", tracker.penalty_k, 0.0..=10.0)?;
+        within("tracker.min_size", f64::from(tracker.min_size), 1.0..=1e4)?;
+        let Provenance { name, source, notes } = &self.provenance;
+        let keys = notes.keys();
+        for text in [name, source].into_iter().chain(keys) {
+            printable(text, "text without control characters", |c| !c.is_control())?;
+        }
+        for text in notes.values() {
+            printable(text, "text without control characters but newlines", |c| {
+                !c.is_control() || c == '\n'
+            })?;
+        }
+        Ok(())
+    }
+}
+
+fn parse<'a, T: Deserialize<'a>>(field: &str, expected: &str, json: &'a str) -> Result<T, ReadError> {
+    serde_json::from_str(json).map_err(|error| ReadError::metadata(field, expected, error))
+}
+
+fn within(field: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), ReadError> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(ReadError::metadata(field, format!("a number in {range:?}"), value))
+}
+
+fn printable(text: &str, expected: &str, good: impl Fn(char) -> bool) -> Result<(), ReadError> {
+    match text.chars().find(|&c| !good(c)) {
+        Some(c) => Err(ReadError::metadata("provenance", expected, format!("{c:?}"))),
+        None => Ok(()),
+    }
+}
