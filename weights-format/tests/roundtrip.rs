@@ -1,0 +1,156 @@
+//! What is written is read back, from memory and from files.
+
+use std::{fs, path::PathBuf};
+use weights_format::{
+    Architecture, Encoder, EncoderPosition, ReadError, Storage, Tensor, Weights, Widths, WriteError,
+};
+
+fn sample(storage: Storage) -> Weights {
+    let widths = Widths { head_reg: [7, 5, 3], ..Widths::uniform([3, 5, 8, 13, 21], 11) };
+    let mut weights = Weights::random(Architecture::new(widths, Some(Encoder::standard(21))), 11);
+    let header = &mut weights.header;
+    header.storage = storage;
+    header.input.mean = [103.5, 0.1, -1.0 / 3.0];
+    header.input.std = [58.0, 57.375, 1.0];
+    header.tracker.size_lr = 0.1 + 0.2;
+    header.provenance.source = "a \"test\" with \u{e9}\u{4e2d}".into();
+    header.provenance.notes.insert("lines".into(), "one\ntwo".into());
+    weights
+}
+
+#[test]
+fn f32_is_exact() {
+    let weights = sample(Storage::F32);
+    let bytes = weights.to_bytes().unwrap();
+    assert_eq!(Weights::from_bytes(&bytes).unwrap(), weights);
+    assert_eq!(weights.to_bytes().unwrap(), bytes, "the same weights give the same bytes");
+}
+
+#[test]
+fn f16_rounds_weights_once_and_keeps_biases() {
+    let weights = sample(Storage::F16);
+    let bytes = weights.to_bytes().unwrap();
+    let read = Weights::from_bytes(&bytes).unwrap();
+    assert_eq!(read.header, weights.header);
+    for (name, tensor) in weights.tensors() {
+        let found = read.tensor(name).unwrap();
+        assert_eq!(found.shape, tensor.shape);
+        for (&a, &b) in tensor.data.iter().zip(&found.data) {
+            let tolerance =
+                if name.ends_with(".bias") { 0.0 } else { (a.abs() / 2048.0).max(f32::exp2(-25.0)) };
+            assert!((a - b).abs() <= tolerance, "{name}: {a} became {b}");
+        }
+    }
+    assert_eq!(read.to_bytes().unwrap(), bytes, "rounding twice changes nothing");
+    assert!(bytes.len() < sample(Storage::F32).to_bytes().unwrap().len() * 6 / 10);
+}
+
+#[test]
+fn every_form_of_the_encoder() {
+    let narrow = Widths::uniform([2, 3, 2, 3, 4], 3);
+    for position in [EncoderPosition::BeforeNeck, EncoderPosition::AfterNeck] {
+        for (kernel, layers, width, relu, shared) in [(1, 1, 4, false, true), (3, 2, 5, true, false)] {
+            let encoder = Encoder { kernel, layers, width, relu, shared, position };
+            let weights = Weights::random(Architecture::new(narrow, Some(encoder)), 1);
+            assert_eq!(Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(), weights);
+        }
+    }
+    let weights = Weights::random(Architecture::new(narrow, None), 1);
+    assert_eq!(Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(), weights);
+}
+
+#[test]
+fn f16_refuses_overflow() {
+    let mut weights = sample(Storage::F16);
+    let mut tensor = weights.tensor("head.score.weight").unwrap().clone();
+    tensor.data[1] = 65519.0; // the largest that still rounds to 65504
+    weights.insert("head.score.weight", tensor.clone());
+    weights.to_bytes().unwrap();
+    tensor.data[1] = -65520.0;
+    weights.insert("head.score.weight", tensor);
+    let error = weights.to_bytes().unwrap_err();
+    assert!(matches!(error, WriteError::Overflow { value: -65520.0, .. }), "{error}");
+    assert!(error.to_string().contains("\"head.score.weight\": -65520"), "{error}");
+    weights.header.storage = Storage::F32;
+    weights.to_bytes().unwrap();
+}
+
+#[test]
+fn refuses_to_write_what_it_would_not_read() {
+    let refused = |change: &dyn Fn(&mut Weights)| {
+        let mut weights = sample(Storage::F32);
+        change(&mut weights);
+        weights.to_bytes().unwrap_err().to_string()
+    };
+    let infinite = Tensor { shape: vec![1], data: vec![f32::INFINITY] };
+    assert!(refused(&|w| w.insert("head.score.bias", infinite.clone())).contains("inf at element 0"));
+    assert!(refused(&|w| w.header.input.std[1] = f32::NAN).contains("input.std"));
+    assert!(refused(&|w| w.header.provenance.name = "\u{1b}[2J".into()).contains("'\\u{1b}'"));
+    let note = "x".repeat(2 << 20);
+    let long = refused(&|w| drop(w.header.provenance.notes.insert("long".into(), note.clone())));
+    assert!(long.contains("header length: expected at most 1048576 bytes"), "{long}");
+    let wide = Architecture::new(Widths::uniform([2048; 5], 2048), None);
+    assert!(wide.check().is_ok(), "wide networks can be described, they are only too large for a file");
+}
+
+/// A directory of its own that goes away again.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("weights-format-{}-{name}", std::process::id()));
+        fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn files_are_replaced_as_a_whole() {
+    let folder = Folder::new("replace");
+    let path = folder.0.join("model.safetensors");
+    fs::write(&path, "old").unwrap();
+    let weights = sample(Storage::F32);
+    weights.write(&path).unwrap();
+    assert_eq!(Weights::read(&path).unwrap(), weights);
+    let names: Vec<_> = fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(names, ["model.safetensors"], "no temporary file stays");
+    // The name is taken by a directory: the error names it, and again nothing stays.
+    let taken = folder.0.join("taken");
+    fs::create_dir(&taken).unwrap();
+    let error = weights.write(&taken).unwrap_err().to_string();
+    assert!(error.contains("taken: cannot be written"), "{error}");
+    assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 2);
+}
+
+#[test]
+fn unreadable_files_are_named() {
+    let folder = Folder::new("unreadable");
+    let absent = folder.0.join("absent.safetensors");
+    let error = Weights::read(&absent).unwrap_err();
+    assert!(matches!(&error, ReadError::File { path, .. } if *path == absent));
+    assert!(error.to_string().contains("absent.safetensors: cannot be read: "), "{error}");
+    let error = Weights::read(&folder.0).unwrap_err().to_string();
+    assert!(error.contains("cannot be read: "), "{error}");
+    // A sparse file claims more than is ever read.
+    let huge = folder.0.join("huge.safetensors");
+    fs::File::create(&huge).unwrap().set_len(1 << 40).unwrap();
+    let error = Weights::read(&huge).unwrap_err().to_string();
+    assert!(
+        error.contains("huge.safetensors: file: expected at most 268435456 bytes, found 1099511627776"),
+        "{error}"
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn endless_files_are_bounded() {
+    // Its length claims to be 0.
+    let error = Weights::read("/dev/zero".as_ref()).unwrap_err().to_string();
+    assert!(error.contains("/dev/zero: file: expected at most 268435456 bytes, found more"), "{error}");
+}
