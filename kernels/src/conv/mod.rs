@@ -1,0 +1,287 @@
+//! Convolution: `y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[sy + ky - pad, sx + kx - pad, i]`, then ReLU
+//! if asked for.
+//!
+//! Shapes: input `[H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]`, output `[H', W', Cout]` with
+//! `H' = (H + 2 pad - k) / stride + 1`. Cost: `H' W' Cout Cin k^2` multiply-accumulates.
+//!
+//! In HWC one row of the kernel's window is `k * Cin` *contiguous* floats, so a convolution is `k` matrix products with
+//! overlapping rows, and no patch has to be gathered. [`direct`] works on them in place; [`im2col`] copies them into
+//! one matrix for a general matrix product.
+
+mod direct;
+mod im2col;
+
+use crate::par::Threads;
+use crate::{Isa, Size};
+
+/// What a convolution computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ConvShape {
+    /// Input channels.
+    pub in_channels: usize,
+    /// Output channels.
+    pub out_channels: usize,
+    /// Side of the square kernel.
+    pub kernel: usize,
+    /// Stride in both directions.
+    pub stride: usize,
+    /// Zero padding on all four sides.
+    pub pad: usize,
+    /// Whether negative outputs become 0.
+    pub relu: bool,
+}
+
+impl ConvShape {
+    /// Size of the output for an input of `size`, which must be no smaller than the kernel.
+    pub fn out_size(&self, size: Size) -> Size {
+        let side = |n: usize| {
+            assert!(
+                n + 2 * self.pad >= self.kernel,
+                "input side {n} is smaller than the kernel {}",
+                self.kernel
+            );
+            (n + 2 * self.pad - self.kernel) / self.stride + 1
+        };
+        Size { h: side(size.h), w: side(size.w) }
+    }
+
+    /// Multiply-accumulates for an input of `size`.
+    pub fn macs(&self, size: Size) -> u64 {
+        (self.out_size(size).area() * self.out_channels * self.window()) as u64
+    }
+
+    /// Values that one output depends on.
+    fn window(&self) -> usize {
+        self.kernel * self.kernel * self.in_channels
+    }
+
+    /// The input with its padding.
+    fn padded(&self, size: Size) -> Size {
+        Size { h: size.h + 2 * self.pad, w: size.w + 2 * self.pad }
+    }
+}
+
+/// How a convolution is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Algorithm {
+    /// Register tiles over the input as it lies.
+    Direct,
+    /// Patches gathered into a matrix, then a matrix product by faer, which picks its own instruction set.
+    Im2col,
+}
+
+impl Algorithm {
+    /// All of them.
+    pub const ALL: [Algorithm; 2] = [Algorithm::Direct, Algorithm::Im2col];
+
+    /// Its name in reports and options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Algorithm::Direct => "direct",
+            Algorithm::Im2col => "im2col",
+        }
+    }
+}
+
+/// A convolution with its weights laid out for one algorithm on one instruction set.
+#[derive(Clone, Debug)]
+pub struct Conv {
+    shape: ConvShape,
+    isa: Isa,
+    bias: Vec<f32>, // [Cout]
+    weights: Packed,
+}
+
+#[derive(Clone, Debug)]
+enum Packed {
+    Direct(direct::Weights),
+    Im2col(im2col::Weights),
+}
+
+impl Conv {
+    /// Lays out `weights` (`[Cout, k, k, Cin]`) and `bias` (`[Cout]`).
+    ///
+    /// Panics if a length is not that of the shape.
+    pub fn new(isa: Isa, algorithm: Algorithm, shape: ConvShape, weights: &[f32], bias: &[f32]) -> Conv {
+        assert!(shape.kernel > 0 && shape.stride > 0 && shape.in_channels > 0, "{shape:?}");
+        assert_eq!(weights.len(), shape.out_channels * shape.window(), "weights of {shape:?}");
+        assert_eq!(bias.len(), shape.out_channels, "bias of {shape:?}");
+        let weights = match algorithm {
+            Algorithm::Direct => Packed::Direct(direct::Weights::new(isa, &shape, weights)),
+            Algorithm::Im2col => Packed::Im2col(im2col::Weights::new(&shape, weights)),
+        };
+        Conv { shape, isa, bias: bias.to_vec(), weights }
+    }
+
+    /// What it computes.
+    pub fn shape(&self) -> &ConvShape {
+        &self.shape
+    }
+
+    /// How it computes it.
+    pub fn algorithm(&self) -> Algorithm {
+        match self.weights {
+            Packed::Direct(_) => Algorithm::Direct,
+            Packed::Im2col(_) => Algorithm::Im2col,
+        }
+    }
+
+    /// How many values of scratch space [`run`](Self::run) needs for an input of `size` on `threads` threads.
+    pub fn scratch_len(&self, size: Size, threads: &Threads) -> usize {
+        let padded =
+            if self.shape.pad > 0 { self.shape.padded(size).area() * self.shape.in_channels } else { 0 };
+        padded
+            + match &self.weights {
+                Packed::Direct(_) => 0,
+                Packed::Im2col(_) => im2col::scratch_len(&self.shape, size) * threads.count(),
+            }
+    }
+
+    /// Convolves `input` (`[H, W, Cin]`) into `out` (`[H', W', Cout]`) and returns the output's size.
+    ///
+    /// Panics if a length is not that of its shape, or if `scratch` is shorter than [`scratch_len`](Self::scratch_len).
+    pub fn run(
+        &self,
+        threads: &Threads,
+        input: &[f32],
+        size: Size,
+        out: &mut [f32],
+        scratch: &mut [f32],
+    ) -> Size {
+        let shape = &self.shape;
+        let out_size = shape.out_size(size);
+        assert_eq!(input.len(), size.area() * shape.in_channels, "input of {shape:?}");
+        assert_eq!(out.len(), out_size.area() * shape.out_channels, "output of {shape:?}");
+        let (padded, scratch) = scratch.split_at_mut(if shape.pad > 0 {
+            shape.padded(size).area() * shape.in_channels
+        } else {
+            0
+        });
+        let (input, size) = if shape.pad > 0 {
+            pad(shape, input, size, padded);
+            (&*padded, shape.padded(size))
+        } else {
+            (input, size)
+        };
+        match &self.weights {
+            Packed::Direct(weights) => {
+                threads.split_rows(out, out_size.w * shape.out_channels, |first_row, out| {
+                    self.isa.run(direct::Direct {
+                        shape,
+                        weights,
+                        bias: &self.bias,
+                        input,
+                        size,
+                        first_row,
+                        out,
+                    });
+                });
+            }
+            Packed::Im2col(weights) => {
+                im2col::run(threads, shape, weights, &self.bias, input, size, out, scratch)
+            }
+        }
+        out_size
+    }
+}
+
+/// Copies `input` into the middle of `padded`, zeros around it.
+fn pad(shape: &ConvShape, input: &[f32], size: Size, padded: &mut [f32]) {
+    let (c, pad) = (shape.in_channels, shape.pad);
+    let row = (size.w + 2 * pad) * c;
+    padded.fill(0.0);
+    for (from, to) in input.chunks_exact(size.w * c).zip(padded[pad * row..].chunks_exact_mut(row)) {
+        to[pad * c..][..from.len()].copy_from_slice(from);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_close, noise};
+
+    fn check(shape: ConvShape, size: Size, threads: &Threads) {
+        let weights = noise(shape.out_channels * shape.window(), 1);
+        let bias = noise(shape.out_channels, 2);
+        let input = noise(size.area() * shape.in_channels, 3);
+        let expected = crate::reference::conv(&shape, size, &input, &weights, &bias);
+        for isa in Isa::available() {
+            for algorithm in Algorithm::ALL {
+                let what = format!(
+                    "{shape:?} on {size:?}, {isa}, {}, {} threads",
+                    algorithm.name(),
+                    threads.count()
+                );
+                let conv = Conv::new(isa, algorithm, shape, &weights, &bias);
+                assert_eq!(conv.algorithm(), algorithm);
+                let mut out = vec![f32::NAN; expected.len()];
+                let mut scratch = vec![f32::NAN; conv.scratch_len(size, threads)];
+                let out_size = threads.enter(|| conv.run(threads, &input, size, &mut out, &mut scratch));
+                assert_eq!(out_size, shape.out_size(size));
+                assert_close(&out, &expected, 1e-5, &what);
+            }
+        }
+    }
+
+    #[test]
+    fn equals_the_reference_at_awkward_widths() {
+        let threads = Threads::new(1);
+        for (i, n) in [1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 33, 47, 48, 49, 80].into_iter().enumerate() {
+            let relu = i % 2 == 0;
+            for in_channels in [1, 3, 5, 16, 19] {
+                let shape = ConvShape { in_channels, out_channels: n, kernel: 3, stride: 1, pad: 0, relu };
+                check(shape, Size { h: 4, w: 3 + i }, &threads);
+            }
+        }
+    }
+
+    #[test]
+    fn equals_the_reference_at_every_kernel_stride_and_pad() {
+        let threads = Threads::new(1);
+        for (kernel, stride, pad) in
+            [(1, 1, 0), (2, 1, 0), (3, 1, 1), (3, 2, 1), (4, 3, 2), (5, 1, 2), (11, 2, 0)]
+        {
+            let shape = ConvShape { in_channels: 3, out_channels: 21, kernel, stride, pad, relu: true };
+            for side in [11, 12, 23] {
+                check(shape, Size { h: side, w: side + 5 }, &threads);
+            }
+        }
+    }
+
+    #[test]
+    fn threads_change_no_bit() {
+        let shape =
+            ConvShape { in_channels: 13, out_channels: 37, kernel: 3, stride: 1, pad: 1, relu: false };
+        let size = Size { h: 9, w: 14 };
+        let input = noise(size.area() * 13, 4);
+        let (weights, bias) = (noise(37 * 9 * 13, 5), noise(37, 6));
+        for isa in Isa::available() {
+            for algorithm in Algorithm::ALL {
+                let conv = Conv::new(isa, algorithm, shape, &weights, &bias);
+                let outputs: Vec<_> = [1, 2, 3, 8, 20]
+                    .map(|n| {
+                        let threads = Threads::new(n);
+                        let mut out = vec![f32::NAN; size.area() * 37];
+                        let mut scratch = vec![0.0; conv.scratch_len(size, &threads)];
+                        threads.enter(|| conv.run(&threads, &input, size, &mut out, &mut scratch));
+                        out
+                    })
+                    .into();
+                for out in &outputs[1..] {
+                    if algorithm == Algorithm::Direct {
+                        assert_eq!(out, &outputs[0], "{isa}");
+                    }
+                    let expected: Vec<_> = outputs[0].iter().map(|v| f64::from(*v)).collect();
+                    assert_close(out, &expected, 1e-6, "threads");
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "smaller than the kernel")]
+    fn refuses_an_input_below_the_kernel() {
+        let shape = ConvShape { in_channels: 1, out_channels: 1, kernel: 3, stride: 1, pad: 0, relu: false };
+        shape.out_size(Size { h: 2, w: 9 });
+    }
+}

@@ -1,0 +1,124 @@
+//! Which instruction set a kernel runs on: detection, and the one dispatch table.
+
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{Avx2, Avx512};
+use crate::simd::{Kernel, Portable};
+
+/// An instruction set that this machine has.
+///
+/// The tokens inside can only be made by detection, so holding an `Isa` is the proof that its instructions exist.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// Whatever the compiler's target has: SSE2 on x86-64, NEON on aarch64.
+    Portable(Portable),
+    /// AVX2 with FMA: 8 lanes, 16 registers.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Avx2),
+    /// AVX-512 F/BW/DQ/VL: 16 lanes, 32 registers.
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Avx512),
+}
+
+/// A name that is no instruction set of this machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct IsaError {
+    found: String,
+}
+
+impl std::fmt::Display for IsaError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names: Vec<_> = Isa::available().iter().map(|isa| isa.name()).collect();
+        write!(
+            f,
+            "isa '{}' is not available on this machine, expected one of: {}",
+            self.found,
+            names.join(", ")
+        )
+    }
+}
+
+impl std::error::Error for IsaError {}
+
+impl Isa {
+    /// Every instruction set of this machine, slowest first.
+    pub fn available() -> Vec<Isa> {
+        let all = [
+            Some(Isa::Portable(Portable)),
+            #[cfg(target_arch = "x86_64")]
+            Avx2::detect().map(Isa::Avx2),
+            #[cfg(target_arch = "x86_64")]
+            Avx512::detect().map(Isa::Avx512),
+        ];
+        all.into_iter().flatten().collect()
+    }
+
+    /// The fastest instruction set of this machine.
+    pub fn detect() -> Isa {
+        *Isa::available().last().expect("the portable set is always there")
+    }
+
+    /// The instruction set called `name` (`portable`, `avx2`, `avx512`).
+    ///
+    /// # Errors
+    /// If there is no such set on this machine; the message lists those there are.
+    pub fn from_name(name: &str) -> Result<Isa, IsaError> {
+        let found = Isa::available().into_iter().find(|isa| isa.name().eq_ignore_ascii_case(name));
+        found.ok_or_else(|| IsaError { found: name.into() })
+    }
+
+    /// Its name, as [`from_name`](Self::from_name) takes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Portable(_) => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2(_) => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512(_) => "avx512",
+        }
+    }
+
+    /// Runs a kernel compiled for this instruction set: the dispatch table.
+    #[inline]
+    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self {
+            Isa::Portable(simd) => kernel.run(simd),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2(simd) => simd.enter(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512(simd) => simd.enter(kernel),
+        }
+    }
+
+    /// `f32` lanes of one vector; packed weights are padded to a multiple of it.
+    pub fn lanes(self) -> usize {
+        struct Lanes;
+        impl Kernel for Lanes {
+            type Output = usize;
+            fn run<S: crate::simd::Simd>(self, _: S) -> usize {
+                S::LANES
+            }
+        }
+        self.run(Lanes)
+    }
+}
+
+impl std::fmt::Display for Isa {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lead_back() {
+        for isa in Isa::available() {
+            assert_eq!(Isa::from_name(isa.name()), Ok(isa));
+        }
+        let message = Isa::from_name("mmx").unwrap_err().to_string();
+        assert!(message.contains("mmx") && message.contains("portable"), "{message}");
+        assert_eq!(Isa::available().last(), Some(&Isa::detect()));
+    }
+}

@@ -1,0 +1,108 @@
+//! Max-pool: `y[oy, ox, c] = max of x[2 oy + dy, 2 ox + dx, c]`, window 3x3, stride 2, no padding, ceil mode: a last window
+//! that sticks out takes the pixels that exist (spec section 1.1).
+//!
+//! Shapes: `[H, W, C] -> [H', W', C]`. Cost: nine loads per output, bound by memory.
+
+use crate::par::Threads;
+use crate::simd::{Kernel, Simd};
+use crate::{Isa, Size};
+
+/// Size of the output for an input of `size`, whose sides must be at least 3.
+pub fn out_size(size: Size) -> Size {
+    let side = |n: usize| {
+        assert!(n >= 3, "input side {n} is smaller than the window 3");
+        let out = (n - 3).div_ceil(2) + 1;
+        if (out - 1) * 2 >= n { out - 1 } else { out }
+    };
+    Size { h: side(size.h), w: side(size.w) }
+}
+
+/// Some rows of one max-pool.
+struct MaxPool<'a> {
+    input: &'a [f32], // [size.h, size.w, channels]
+    size: Size,
+    channels: usize,
+    first_row: usize,   // of the output, that `out` starts at
+    out: &'a mut [f32], // [rows, W', channels]
+}
+
+/// Pools `input` (`[H, W, channels]`) into `out` (`[H', W', channels]`) and returns the output's size.
+///
+/// Panics if a length is not that of its shape.
+pub fn max_pool(
+    isa: Isa,
+    threads: &Threads,
+    input: &[f32],
+    size: Size,
+    channels: usize,
+    out: &mut [f32],
+) -> Size {
+    let out_size = out_size(size);
+    assert_eq!(input.len(), size.area() * channels, "input of max_pool");
+    assert_eq!(out.len(), out_size.area() * channels, "output of max_pool");
+    threads.split_rows(out, out_size.w * channels, |first_row, out| {
+        isa.run(MaxPool { input, size, channels, first_row, out });
+    });
+    out_size
+}
+
+impl Kernel for MaxPool<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let MaxPool { input, size, channels, first_row, out } = self;
+        for (y, row) in out.chunks_exact_mut(out_size(size).w * channels).enumerate() {
+            let top = 2 * (first_row + y);
+            let bottom = (top + 3).min(size.h);
+            for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
+                let left = 2 * x;
+                let right = (left + 3).min(size.w);
+                for (v, out) in pixel.chunks_mut(S::LANES).enumerate() {
+                    let mut max = simd.splat(f32::NEG_INFINITY);
+                    for iy in top..bottom {
+                        for ix in left..right {
+                            let from = &input[(iy * size.w + ix) * channels + v * S::LANES..];
+                            let x =
+                                if out.len() == S::LANES { simd.load(from) } else { simd.load_partial(from) };
+                            max = simd.max(x, max);
+                        }
+                    }
+                    if out.len() == S::LANES { simd.store(max, out) } else { simd.store_partial(max, out) }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_close, noise};
+
+    #[test]
+    fn equals_the_reference() {
+        for channels in [1, 3, 4, 5, 7, 8, 9, 15, 16, 17, 47, 48] {
+            for (h, w) in [(3, 3), (4, 3), (5, 6), (7, 12), (9, 10)] {
+                let size = Size { h, w };
+                let input = noise(size.area() * channels, 7);
+                let expected = crate::reference::max_pool(size, channels, &input);
+                for isa in Isa::available() {
+                    for count in [1, 3] {
+                        let threads = Threads::new(count);
+                        let mut out = vec![f32::NAN; expected.len()];
+                        threads.enter(|| max_pool(isa, &threads, &input, size, channels, &mut out));
+                        assert_close(&out, &expected, 0.0, &format!("{channels} channels, {size:?}, {isa}"));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn ceil_mode_of_the_spec() {
+        for (n, out) in [(147, 73), (69, 34), (59, 29), (25, 12), (4, 2), (6, 3)] {
+            assert_eq!(out_size(Size::square(n)), Size::square(out));
+        }
+    }
+}

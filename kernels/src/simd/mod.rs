@@ -1,0 +1,136 @@
+//! Vectors of `f32` on every instruction set, behind one small flat trait.
+//!
+//! A kernel is a struct of its arguments that implements [`Kernel`]; its body is written once, generic over [`Simd`].
+//! [`Isa::run`](crate::Isa::run) enters an instruction set once per call of a kernel; everything below is inlined into that one function,
+//! so that the compiler may use the whole instruction set for it. The only intrinsics, and the only `unsafe`, of the
+//! repository are in this folder.
+
+#![allow(unsafe_code)]
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+
+#[cfg(target_arch = "x86_64")]
+pub use avx2::Avx2;
+#[cfg(target_arch = "x86_64")]
+pub use avx512::Avx512;
+pub use portable::Portable;
+
+/// A computation whose body is compiled once per instruction set.
+pub trait Kernel {
+    /// What it returns.
+    type Output;
+
+    /// The body. Implementations say `#[inline(always)]`, as does all they call in their hot loops.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+/// Operations on one vector of `f32`. `self` is the proof that the instructions exist.
+pub trait Simd: Copy + Send + Sync + 'static {
+    /// One vector.
+    type F32: Copy;
+
+    /// Lanes of one vector.
+    const LANES: usize;
+
+    /// How many pixels a register tile takes that is 1, 2 or 3 vectors of output channels wide, so that
+    /// accumulators, weights and one broadcast value just fit the register file (`[0]` is unused).
+    const TILE_PIXELS: [usize; 4];
+
+    /// All lanes `x`.
+    fn splat(self, x: f32) -> Self::F32;
+
+    /// The first `LANES` values of `src`. Panics if it is shorter.
+    fn load(self, src: &[f32]) -> Self::F32;
+
+    /// The first `min(src.len(), LANES)` values of `src`, and zeros behind them.
+    fn load_partial(self, src: &[f32]) -> Self::F32;
+
+    /// Writes the first `LANES` values of `dst`. Panics if it is shorter.
+    fn store(self, v: Self::F32, dst: &mut [f32]);
+
+    /// Writes the first `min(dst.len(), LANES)` values of `dst`.
+    fn store_partial(self, v: Self::F32, dst: &mut [f32]);
+
+    /// `a + b`.
+    fn add(self, a: Self::F32, b: Self::F32) -> Self::F32;
+
+    /// `a * b + c`; in one rounding where the instruction set has it.
+    fn mul_add(self, a: Self::F32, b: Self::F32, c: Self::F32) -> Self::F32;
+
+    /// The larger of each pair; `b` where `a` is NaN.
+    fn max(self, a: Self::F32, b: Self::F32) -> Self::F32;
+
+    /// All lanes 0.
+    #[inline(always)]
+    fn zero(self) -> Self::F32 {
+        self.splat(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Isa;
+
+    /// Every operation against its scalar meaning, at every partial length.
+    struct Check;
+
+    impl Kernel for Check {
+        type Output = ();
+
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) {
+            let n = S::LANES;
+            let a: Vec<f32> = (0..n).map(|i| i as f32 - 2.5).collect();
+            let b: Vec<f32> = (0..n).map(|i| 1.5 - 0.25 * i as f32).collect();
+            let (va, vb) = (s.load(&a), s.load(&b));
+            let check = |v: S::F32, f: &dyn Fn(usize) -> f32| {
+                let mut out = vec![f32::NAN; n];
+                s.store(v, &mut out);
+                assert_eq!(out, (0..n).map(f).collect::<Vec<_>>());
+            };
+            check(s.splat(7.0), &|_| 7.0);
+            check(s.zero(), &|_| 0.0);
+            check(s.add(va, vb), &|i| a[i] + b[i]);
+            check(s.mul_add(va, vb, va), &|i| a[i] * b[i] + a[i]);
+            check(s.max(va, vb), &|i| a[i].max(b[i]));
+            check(s.max(s.splat(f32::NAN), vb), &|i| b[i]);
+            for len in 0..=n + 1 {
+                let partial: Vec<f32> = (0..len).map(|i| i as f32 + 1.0).collect();
+                check(s.load_partial(&partial), &|i| partial.get(i).copied().unwrap_or(0.0));
+                let mut out = vec![-1.0; len];
+                s.store_partial(va, &mut out);
+                let expected: Vec<_> = (0..len).map(|i| a.get(i).copied().unwrap_or(-1.0)).collect();
+                assert_eq!(out, expected);
+            }
+        }
+    }
+
+    #[test]
+    fn operations_on_every_isa() {
+        for isa in Isa::available() {
+            isa.run(Check);
+        }
+    }
+
+    struct ShortLoad;
+
+    impl Kernel for ShortLoad {
+        type Output = ();
+
+        fn run<S: Simd>(self, s: S) {
+            s.load(&vec![0.0; S::LANES - 1]);
+        }
+    }
+
+    #[test]
+    fn short_slices_are_refused_on_every_isa() {
+        for isa in Isa::available() {
+            assert!(std::panic::catch_unwind(|| isa.run(ShortLoad)).is_err(), "{isa}");
+        }
+    }
+}
