@@ -14,6 +14,7 @@ pub fn gemm(m: usize, n: usize, k: usize, a: &[f32], b: &[f32], c: &mut [f32]) {
     let b = MatRef::from_row_major_slice(b, k, n);
     let c = MatMut::from_row_major_slice_mut(c, m, n);
     matmul(c, Accum::Replace, a, b, 1.0, Par::Seq);
+    crate::simd::clear_upper_halves();
 }
 
 #[cfg(test)]

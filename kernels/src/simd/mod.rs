@@ -71,6 +71,22 @@ pub trait Simd: Copy + Send + Sync + 'static {
     }
 }
 
+/// Clears the upper halves of the vector registers, where there are such.
+///
+/// Code from outside may leave them in use; SSE instructions then merge with them at every step and run several times
+/// slower. Our own kernels never do.
+pub fn clear_upper_halves() {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx") {
+        #[target_feature(enable = "avx")]
+        fn clear() {
+            std::arch::x86_64::_mm256_zeroupper();
+        }
+        // SAFETY: AVX was just detected.
+        unsafe { clear() }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

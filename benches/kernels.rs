@@ -1,0 +1,144 @@
+//! Convolution at the network's real layer shapes, per instruction set and algorithm, with the share of the measured
+//! multiply-add peak: `cargo bench --bench kernels [-- full] [NAME...]`. `full` takes the unpruned widths; names of
+//! instruction sets and algorithms, where given, choose the columns.
+
+use kernels::conv::{Algorithm, Conv, ConvShape};
+use kernels::par::Threads;
+use kernels::simd::{Kernel, Simd};
+use kernels::{Isa, Size};
+use std::hint::black_box;
+use std::time::Instant;
+use weights_format::{Architecture, Branch, LayerKind, Widths};
+
+/// Independent multiply-adds, as many as hide the latency.
+struct Peak {
+    rounds: usize,
+}
+
+impl Peak {
+    const CHAINS: usize = 12;
+}
+
+impl Kernel for Peak {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> f32 {
+        let factor = simd.splat(black_box(0.999));
+        let mut sums = [simd.zero(); Peak::CHAINS];
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum = simd.splat(black_box(i as f32));
+        }
+        for _ in 0..self.rounds {
+            for sum in &mut sums {
+                *sum = simd.mul_add(*sum, factor, factor);
+            }
+        }
+        let all = sums.into_iter().fold(simd.zero(), |all, sum| simd.add(all, sum));
+        let mut out = vec![0.0; S::LANES];
+        simd.store(all, &mut out);
+        out[0]
+    }
+}
+
+/// Seconds of the median of `n` runs, after one to warm up.
+fn median(n: usize, mut run: impl FnMut()) -> f64 {
+    run();
+    let mut times: Vec<f64> = (0..n)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[n / 2]
+}
+
+fn peak_gflops(isa: Isa) -> f64 {
+    let rounds = 100_000;
+    let seconds = median(5, || {
+        black_box(isa.run(Peak { rounds }));
+    });
+    (2 * rounds * Peak::CHAINS * isa.lanes()) as f64 / seconds / 1e9
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let full = args.iter().any(|a| a == "full");
+    let asked = |names: &[&str], name: &str| {
+        !args.iter().any(|a| names.contains(&a.as_str())) || args.iter().any(|a| a == name)
+    };
+    let isas: Vec<Isa> = Isa::available();
+    let names: Vec<_> = isas.iter().map(|isa| isa.name()).collect();
+    let isas: Vec<Isa> = isas.into_iter().filter(|isa| asked(&names, isa.name())).collect();
+    let names = Algorithm::ALL.map(Algorithm::name);
+    let algorithms: Vec<_> = Algorithm::ALL.into_iter().filter(|a| asked(&names, a.name())).collect();
+    let widths = if full { Widths::FULL } else { Widths::pruned(0.5) };
+    let architecture = Architecture::new(widths, None);
+    let threads = Threads::new(1);
+    println!("one thread; ms (GFLOP/s, % of the measured multiply-add peak)");
+    print!("{:18} {:>7}", "layer", "MMAC");
+    for isa in &isas {
+        for algorithm in &algorithms {
+            print!(" | {:>22}", format!("{isa} {}", algorithm.name()));
+        }
+    }
+    println!();
+    let peaks: Vec<f64> = isas.iter().map(|isa| peak_gflops(*isa)).collect();
+    let mut input_side = architecture.search_size;
+    let mut totals = vec![0.0; isas.len() * algorithms.len()];
+    for layer in architecture.layers() {
+        let side = std::mem::replace(&mut input_side, layer.out_search);
+        if layer.branch == Branch::Template || layer.kind == LayerKind::Pool {
+            if layer.branch == Branch::Template {
+                input_side = side;
+            }
+            continue;
+        }
+        let side = match layer.name.as_str() {
+            "neck.search_reg" => side + 2,
+            "head.reg1" => {
+                architecture.layers().iter().find(|l| l.name == "correlation.cls").unwrap().out_search
+            }
+            "head.centerness" | "head.offsets" => layer.out_search,
+            _ => side,
+        };
+        if layer.kind == LayerKind::Correlation {
+            continue;
+        }
+        let shape = ConvShape {
+            in_channels: layer.in_channels,
+            out_channels: layer.out_channels,
+            kernel: layer.kernel,
+            stride: layer.stride,
+            pad: layer.pad,
+            relu: layer.relu,
+        };
+        let size = Size::square(side);
+        let values = |n: usize| (0..n).map(|i| ((i * 7919) % 1000) as f32 / 500.0 - 1.0).collect::<Vec<_>>();
+        let weights = values(shape.out_channels * shape.kernel * shape.kernel * shape.in_channels);
+        let (bias, input) = (values(shape.out_channels), values(size.area() * shape.in_channels));
+        let mut out = vec![0.0; shape.out_size(size).area() * shape.out_channels];
+        let gflop = 2.0 * shape.macs(size) as f64 / 1e9;
+        print!("{:18} {:7.1}", layer.name, gflop * 500.0);
+        let mut column = 0;
+        for (&isa, peak) in isas.iter().zip(&peaks) {
+            for &algorithm in &algorithms {
+                let conv = Conv::new(isa, algorithm, shape, &weights, &bias);
+                let mut scratch = vec![0.0; conv.scratch_len(size, &threads)];
+                let seconds = median(9, || {
+                    conv.run(&threads, &input, size, &mut out, &mut scratch);
+                });
+                totals[column] += seconds;
+                column += 1;
+                let rate = gflop / seconds;
+                print!(" | {:7.3} ({rate:4.0}, {:3.0} %)", seconds * 1e3, 100.0 * rate / peak);
+            }
+        }
+        println!();
+    }
+    print!("{:18} {:7}", "sum", "");
+    totals.iter().for_each(|t| print!(" | {:7.3} ms{:13}", t * 1e3, ""));
+    println!();
+}
