@@ -1,0 +1,113 @@
+//! The user's own `ffmpeg` as decoder: it is spawned and writes PPM frames into a pipe.
+//!
+//! PPM, because every frame names its size and the colours are converted by who knows the video's colour space.
+//! Frames keep their order and number: they are stamped 1/25 s apart and asked for at 25 a second, which no version
+//! of ffmpeg answers by dropping or repeating any (`-vsync` is gone since 9.0 and `-fps_mode` new in 5.1).
+
+use std::ffi::OsStr;
+use std::io::{ErrorKind, Read};
+use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+
+/// How much of its error output is kept: the end, where the reason stands.
+const KEPT_BYTES: usize = 1000;
+
+/// A running ffmpeg; killed when dropped.
+pub(super) struct Ffmpeg {
+    child: Arc<Mutex<Child>>,
+    complaints: Option<JoinHandle<String>>,
+}
+
+/// Ends an [`Ffmpeg`] from another thread.
+pub(super) struct Stopper(Arc<Mutex<Child>>);
+
+impl Stopper {
+    /// Kills the process, unless it is being waited for and so about to end anyway.
+    pub(super) fn stop(&self) {
+        if let Ok(mut child) = self.0.try_lock() {
+            let _ = child.kill(); // an error means that it has ended
+        }
+    }
+}
+
+impl Ffmpeg {
+    /// Starts to decode the first video stream of `location`; frames come out of the pipe as PPM.
+    pub(super) fn decode(program: &OsStr, location: &OsStr) -> Result<(Ffmpeg, ChildStdout), String> {
+        let mut command = Command::new(program);
+        command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
+        if location.to_str().is_some_and(|text| text.starts_with("rtsp://")) {
+            command.args(["-rtsp_transport", "tcp"]); // UDP loses packets, and whole frames with them
+        }
+        command.arg("-i").arg(location);
+        command.args(["-map", "0:v:0", "-vf", "setpts=N/(25*TB)", "-r", "25"]);
+        command.args(["-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "pipe:1"]);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| match error.kind() {
+            ErrorKind::NotFound => {
+                "is needed to read video, but was not found: install it, put the frames into a \
+                                    folder, or pipe them in (--input -)"
+                    .to_string()
+            }
+            _ => format!("could not be started: {error}"),
+        })?;
+        let (Some(pipe), Some(errors)) = (child.stdout.take(), child.stderr.take()) else {
+            return Err("was started without pipes".into());
+        };
+        let complaints = std::thread::spawn(move || read_last_words(errors));
+        Ok((Ffmpeg { child: Arc::new(Mutex::new(child)), complaints: Some(complaints) }, pipe))
+    }
+
+    /// What stops this process from another thread.
+    pub(super) fn stopper(&self) -> Stopper {
+        Stopper(Arc::clone(&self.child))
+    }
+
+    /// Waits for the end; an error carries ffmpeg's last words.
+    pub(super) fn finish(mut self) -> Result<(), String> {
+        let status = self.wait().ok_or("was lost")?;
+        let words = self.last_words();
+        match status.success() {
+            true => Ok(()),
+            false => Err(format!("failed ({status}){words}")),
+        }
+    }
+
+    /// Ends ffmpeg because of a bad frame; returns `reason` and ffmpeg's last words.
+    pub(super) fn abort(mut self, reason: &str) -> String {
+        self.stopper().stop();
+        self.wait();
+        format!("delivered a bad frame: {reason}{}", self.last_words())
+    }
+
+    fn wait(&self) -> Option<ExitStatus> {
+        self.child.lock().ok()?.wait().ok()
+    }
+
+    /// Its error output, on lines of their own; empty where there was none.
+    fn last_words(&mut self) -> String {
+        let words = self.complaints.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        if words.is_empty() { words } else { format!(":\n{words}") }
+    }
+}
+
+impl Drop for Ffmpeg {
+    fn drop(&mut self) {
+        self.stopper().stop();
+        self.wait(); // so that no zombie is left
+    }
+}
+
+/// Reads to the end, so that the process never blocks on it, and keeps the last lines.
+fn read_last_words(mut errors: ChildStderr) -> String {
+    let mut kept = Vec::new();
+    let mut chunk = [0; 4096];
+    while let Ok(n @ 1..) = errors.read(&mut chunk) {
+        kept.extend_from_slice(&chunk[..n]);
+        let excess = kept.len().saturating_sub(KEPT_BYTES);
+        kept.drain(..excess);
+    }
+    let text = String::from_utf8_lossy(&kept);
+    let lines: Vec<&str> = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
+    lines[lines.len().saturating_sub(5)..].join("\n")
+}

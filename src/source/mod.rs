@@ -1,0 +1,248 @@
+//! Frames from wherever users keep them: image folders, glob patterns, video files and streams, pipes.
+//!
+//! | input | how it is read | file |
+//! |---|---|---|
+//! | folder, glob pattern, one image | jpg, jpeg, png, webp, bmp in natural order | `files.rs`, `decode.rs` |
+//! | `-`, a named pipe, a `.y4m` file | y4m, PPM, or headerless frames in a [`RawFormat`] | `stream.rs`, `header.rs`, `pixels.rs` |
+//! | any other file, any URL | the user's own `ffmpeg`, spawned | `ffmpeg.rs` |
+//!
+//! [`Source`] is an iterator; [`Prefetch`] runs one on its own thread. Buffers given back with `recycle` are used
+//! again, so that a long video is read without allocating per frame.
+//!
+//! ```no_run
+//! use track_cpu::source::{Input, Source};
+//!
+//! let mut source = Source::open(&Input::new("flight/img"))?;
+//! while let Some(image) = source.next() {
+//!     let image = image?;
+//!     println!("{}x{}", image.frame().width(), image.frame().height());
+//!     source.recycle(image);
+//! }
+//! # Ok::<(), track_cpu::SourceError>(())
+//! ```
+
+mod decode;
+mod ffmpeg;
+mod files;
+mod header;
+mod pixels;
+mod prefetch;
+mod stream;
+
+use std::path::{Path, PathBuf};
+
+pub use crate::error::SourceError;
+use crate::frame::{ChannelOrder, Frame};
+pub use pixels::{PixelFormat, RawFormat};
+pub use prefetch::Prefetch;
+use stream::Stream;
+
+/// Most bytes that one decoded picture may take; a bound on what a stranger's file can make us allocate.
+pub const MAX_FRAME_BYTES: u64 = 512 << 20;
+
+/// Most buffers kept for reuse.
+const MAX_SPARE: usize = 4;
+
+/// Where frames come from, and which of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// A folder, a glob pattern, an image, a video file, a URL, or `-` for standard input.
+    pub location: PathBuf,
+    /// How headerless frames are laid out; `None` where the input describes itself.
+    pub raw: Option<RawFormat>,
+    /// First frame wanted, 0-based.
+    pub start: usize,
+    /// End of the frames wanted, exclusive; `None` for all.
+    pub end: Option<usize>,
+}
+
+impl Input {
+    /// All frames of `location`, which describes itself.
+    pub fn new(location: impl Into<PathBuf>) -> Input {
+        Input { location: location.into(), raw: None, start: 0, end: None }
+    }
+}
+
+/// One decoded picture that owns its pixels: `height` rows of `width` pixels without gaps.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// The pixels.
+    pub data: Vec<u8>,
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// How one pixel's bytes are to be read.
+    pub order: ChannelOrder,
+    /// The file it came from; `None` for a frame of a stream.
+    pub name: Option<PathBuf>,
+}
+
+impl Image {
+    /// The picture as the tracker wants it.
+    ///
+    /// # Panics
+    /// If the fields were changed so that they no longer describe a picture; what a [`Source`] yields always does.
+    pub fn frame(&self) -> Frame<'_> {
+        Frame::new(&self.data, self.width, self.height, self.order)
+            .expect("an image has the bytes of its size")
+    }
+}
+
+/// An open input: an iterator over its pictures.
+///
+/// A file of a folder that cannot be decoded is an error in its place, and the next file follows; a stream ends at its
+/// first error.
+pub struct Source {
+    kind: Kind,
+    label: String, // the input as given, for messages
+    next: usize,   // index of the frame that follows
+    start: usize,
+    end: Option<usize>,
+    spare: Vec<Vec<u8>>,
+}
+
+enum Kind {
+    Files(std::vec::IntoIter<PathBuf>),
+    Stream(Box<Stream>),
+    Ended,
+}
+
+impl Source {
+    /// Opens an input; of a folder nothing is decoded yet, of a pipe the header is read.
+    ///
+    /// # Errors
+    /// If the input does not exist, holds no frame, describes none, or needs an `ffmpeg` that is not installed.
+    pub fn open(input: &Input) -> Result<Source, SourceError> {
+        let label = input.location.display().to_string();
+        if let Some(end) = input.end.filter(|&end| end <= input.start) {
+            let reason = format!("frames {}..{end} are none, expected an end behind the start", input.start);
+            return Err(SourceError::Format { input: label, reason });
+        }
+        let kind = open_kind(&input.location, &label, input.raw)?;
+        let mut source =
+            Source { kind, label, next: 0, start: input.start, end: input.end, spare: Vec::new() };
+        source.select_files()?;
+        Ok(source)
+    }
+
+    /// How many frames are left, where that is known without reading them: in folders.
+    pub fn frames_left(&self) -> Option<usize> {
+        match &self.kind {
+            Kind::Files(files) => Some(files.len()),
+            Kind::Stream(_) => None,
+            Kind::Ended => Some(0),
+        }
+    }
+
+    /// Gives a picture's buffer back for one of the next pictures.
+    pub fn recycle(&mut self, image: Image) {
+        if self.spare.len() < MAX_SPARE {
+            self.spare.push(image.data);
+        }
+    }
+
+    /// What ends a blocked read from another thread.
+    fn stopper(&self) -> Option<ffmpeg::Stopper> {
+        match &self.kind {
+            Kind::Stream(stream) => stream.stopper(),
+            _ => None,
+        }
+    }
+
+    /// Folders are cut to the frames wanted without opening a file.
+    fn select_files(&mut self) -> Result<(), SourceError> {
+        let Kind::Files(files) = &mut self.kind else { return Ok(()) };
+        let count = files.len();
+        if self.start >= count {
+            return Err(self.too_short(count));
+        }
+        let end = self.end.unwrap_or(count).min(count);
+        let wanted = files.as_slice()[self.start..end].to_vec();
+        self.kind = Kind::Files(wanted.into_iter());
+        self.next = self.start;
+        Ok(())
+    }
+
+    fn too_short(&self, count: usize) -> SourceError {
+        let reason = match count {
+            0 => "no frame in it".into(),
+            _ => format!("{count} frames in it, expected more than {} for the start asked for", self.start),
+        };
+        SourceError::Empty { input: self.label.clone(), reason }
+    }
+
+    /// The stream's next wanted frame; its end if there is none.
+    fn next_of_stream(&mut self) -> Result<Option<Image>, SourceError> {
+        let Kind::Stream(stream) = &mut self.kind else { return Ok(None) };
+        while self.next < self.start {
+            if !stream.skip()? {
+                return Err(self.too_short(self.next));
+            }
+            self.next += 1;
+        }
+        if self.end.is_some_and(|end| self.next >= end) {
+            return Ok(None);
+        }
+        let image = stream.next(self.spare.pop().unwrap_or_default())?;
+        match image {
+            None if self.next == self.start => Err(self.too_short(self.next)),
+            None => Ok(None),
+            Some(image) => {
+                self.next += 1;
+                Ok(Some(image))
+            }
+        }
+    }
+}
+
+impl Iterator for Source {
+    type Item = Result<Image, SourceError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if let Kind::Files(files) = &mut self.kind {
+            let path = files.next()?;
+            return Some(decode::decode(path, self.spare.pop().unwrap_or_default()));
+        }
+        let image = self.next_of_stream().transpose();
+        if !matches!(image, Some(Ok(_))) {
+            self.kind = Kind::Ended;
+        }
+        image
+    }
+}
+
+/// Decides how a location is read.
+fn open_kind(location: &Path, label: &str, raw: Option<RawFormat>) -> Result<Kind, SourceError> {
+    if location.as_os_str() == "-" {
+        let stream = Stream::from_reader(Box::new(std::io::stdin()), label, raw)?;
+        return Ok(Kind::Stream(Box::new(stream)));
+    }
+    if location.to_str().is_some_and(|text| text.contains("://")) {
+        return Ok(Kind::Stream(Box::new(Stream::from_ffmpeg(location.as_os_str(), label)?)));
+    }
+    let found = match std::fs::metadata(location) {
+        Ok(found) => found,
+        Err(error) => {
+            return match location.to_str().filter(|text| files::is_pattern(text)) {
+                Some(pattern) => files::matching(pattern).map(|list| Kind::Files(list.into_iter())),
+                None => Err(SourceError::Io { path: location.into(), error }),
+            };
+        }
+    };
+    if found.is_dir() {
+        return Ok(Kind::Files(files::in_folder(location)?.into_iter()));
+    }
+    if found.is_file() && raw.is_none() {
+        if files::is_image(location) {
+            return Ok(Kind::Files(vec![location.to_path_buf()].into_iter()));
+        }
+        if !files::has_extension(location, &["y4m", "ppm"]) {
+            let stream = Stream::from_ffmpeg(&files::file_url(location), label)?;
+            return Ok(Kind::Stream(Box::new(stream)));
+        }
+    }
+    let file = std::fs::File::open(location)
+        .map_err(|error| SourceError::Io { path: location.to_path_buf(), error })?;
+    Ok(Kind::Stream(Box::new(Stream::from_reader(Box::new(file), label, raw)?)))
+}

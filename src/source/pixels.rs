@@ -1,0 +1,276 @@
+//! Layouts of headerless frames, and YUV to RGB.
+//!
+//! Conversion follows BT.601 in 8.8 fixed point, chroma repeated over the pixels it covers (what `ffmpeg` does by
+//! default). With limited range, for Y in 16..=235 and U, V in 16..=240:
+//!
+//! ```text
+//! R = (298 (Y-16)               + 409 (V-128) + 128) >> 8
+//! G = (298 (Y-16) - 100 (U-128) - 208 (V-128) + 128) >> 8
+//! B = (298 (Y-16) + 516 (U-128)               + 128) >> 8
+//! ```
+
+use super::MAX_FRAME_BYTES;
+use crate::frame::{ChannelOrder, Frame};
+
+/// How the pixels of one frame follow each other; the names are ffmpeg's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelFormat {
+    /// Three bytes a pixel: blue, green, red.
+    Bgr24,
+    /// Three bytes a pixel: red, green, blue.
+    Rgb24,
+    /// One byte a pixel.
+    Gray,
+    /// Planes Y, U, V; chroma at half the width and half the height.
+    Yuv420p,
+    /// Plane Y, then U and V interleaved at half the width and half the height.
+    Nv12,
+    /// Y0 U Y1 V for every two pixels of a row.
+    Yuyv422,
+    /// Planes Y, U, V; chroma at half the width.
+    Yuv422p,
+    /// Planes Y, U, V, all of full size.
+    Yuv444p,
+}
+
+impl PixelFormat {
+    /// Every format with the name that ffmpeg, and the command line, give it.
+    pub const NAMES: [(&'static str, PixelFormat); 8] = [
+        ("bgr24", PixelFormat::Bgr24),
+        ("rgb24", PixelFormat::Rgb24),
+        ("gray", PixelFormat::Gray),
+        ("yuv420p", PixelFormat::Yuv420p),
+        ("nv12", PixelFormat::Nv12),
+        ("yuyv422", PixelFormat::Yuyv422),
+        ("yuv422p", PixelFormat::Yuv422p),
+        ("yuv444p", PixelFormat::Yuv444p),
+    ];
+
+    /// The format of this name, if there is one.
+    pub fn from_name(name: &str) -> Option<PixelFormat> {
+        Self::NAMES.iter().find(|(n, _)| *n == name).map(|&(_, format)| format)
+    }
+}
+
+/// A headerless frame: its size in pixels and their layout, rows without gaps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RawFormat {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// Layout of the pixels.
+    pub pixels: PixelFormat,
+}
+
+/// Which luma values are black and white.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Range {
+    /// 16 and 235, as video usually has it.
+    Limited,
+    /// 0 and 255.
+    Full,
+}
+
+impl RawFormat {
+    /// Bytes of one frame.
+    ///
+    /// # Errors
+    /// If a side is 0 or above [`Frame::MAX_SIDE`], or if a frame would take more than [`MAX_FRAME_BYTES`].
+    pub fn frame_bytes(&self) -> Result<usize, String> {
+        let (w, h, max) = (self.width, self.height, Frame::MAX_SIDE);
+        if !(1..=max).contains(&w) || !(1..=max).contains(&h) {
+            return Err(format!("frames of {w}x{h} pixels, expected sides from 1 to {max}"));
+        }
+        let (w, h) = (w as u64, h as u64);
+        let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
+        let bytes = match self.pixels {
+            PixelFormat::Bgr24 | PixelFormat::Rgb24 | PixelFormat::Yuv444p => 3 * w * h,
+            PixelFormat::Gray => w * h,
+            PixelFormat::Yuv420p | PixelFormat::Nv12 => w * h + 2 * half_w * half_h,
+            PixelFormat::Yuyv422 => 4 * half_w * h,
+            PixelFormat::Yuv422p => w * h + 2 * half_w * h,
+        };
+        // YUV becomes RGB, so that counts as well.
+        if bytes.max(3 * w * h) > MAX_FRAME_BYTES {
+            return Err(format!("frames of {w}x{h} pixels, expected at most {MAX_FRAME_BYTES} bytes each"));
+        }
+        Ok(bytes as usize)
+    }
+
+    /// The order of a frame whose bytes need no conversion.
+    pub(super) fn ready(&self) -> Option<ChannelOrder> {
+        match self.pixels {
+            PixelFormat::Bgr24 => Some(ChannelOrder::Bgr),
+            PixelFormat::Rgb24 => Some(ChannelOrder::Rgb),
+            PixelFormat::Gray => Some(ChannelOrder::Gray),
+            _ => None,
+        }
+    }
+
+    /// Converts one frame of a YUV layout; `bytes` has [`frame_bytes`](Self::frame_bytes), `rgb` [H, W, 3].
+    pub(super) fn yuv_to_rgb(&self, range: Range, bytes: &[u8], rgb: &mut [u8]) {
+        let (w, h) = (self.width, self.height);
+        let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
+        let matrix = Matrix::bt601(range);
+        let (luma, chroma) = bytes.split_at(w * h); // every layout has that many at least
+        for (y, out) in rgb.chunks_exact_mut(3 * w).enumerate() {
+            match self.pixels {
+                PixelFormat::Yuyv422 => {
+                    let row = &bytes[y * 4 * half_w..][..4 * half_w];
+                    for (pixels, group) in out.chunks_mut(6).zip(row.chunks_exact(4)) {
+                        for (pixel, luma) in pixels.chunks_exact_mut(3).zip([group[0], group[2]]) {
+                            pixel.copy_from_slice(&matrix.rgb(luma, group[1], group[3]));
+                        }
+                    }
+                }
+                PixelFormat::Nv12 => {
+                    let uv = &chroma[y / 2 * 2 * half_w..][..2 * half_w];
+                    let uv = uv.chunks_exact(2).map(|uv| (uv[0], uv[1]));
+                    convert_row(&matrix, out, &luma[y * w..], uv, 2);
+                }
+                _ => {
+                    let (across, chroma_w, down, chroma_h) = match self.pixels {
+                        PixelFormat::Yuv420p => (2, half_w, 2, half_h),
+                        PixelFormat::Yuv422p => (2, half_w, 1, h),
+                        _ => (1, w, 1, h),
+                    };
+                    let (u, v) = chroma.split_at(chroma_w * chroma_h);
+                    let start = y / down * chroma_w;
+                    let (u, v) = (&u[start..][..chroma_w], &v[start..][..chroma_w]);
+                    let uv = u.iter().copied().zip(v.iter().copied());
+                    convert_row(&matrix, out, &luma[y * w..], uv, across);
+                }
+            }
+        }
+    }
+}
+
+/// One row: every chroma pair covers `across` pixels.
+#[inline(always)]
+fn convert_row(
+    matrix: &Matrix,
+    rgb: &mut [u8],
+    luma: &[u8],
+    chroma: impl Iterator<Item = (u8, u8)>,
+    across: usize,
+) {
+    for ((pixels, luma), (u, v)) in rgb.chunks_mut(3 * across).zip(luma.chunks(across)).zip(chroma) {
+        for (pixel, &y) in pixels.chunks_exact_mut(3).zip(luma) {
+            pixel.copy_from_slice(&matrix.rgb(y, u, v));
+        }
+    }
+}
+
+/// YUV to RGB in 8.8 fixed point.
+struct Matrix {
+    black: i32,
+    y: i32,
+    red_v: i32,
+    green_u: i32,
+    green_v: i32,
+    blue_u: i32,
+}
+
+impl Matrix {
+    fn bt601(range: Range) -> Matrix {
+        match range {
+            Range::Limited => {
+                Matrix { black: 16, y: 298, red_v: 409, green_u: -100, green_v: -208, blue_u: 516 }
+            }
+            Range::Full => Matrix { black: 0, y: 256, red_v: 359, green_u: -88, green_v: -183, blue_u: 454 },
+        }
+    }
+
+    #[inline(always)]
+    fn rgb(&self, y: u8, u: u8, v: u8) -> [u8; 3] {
+        let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
+        let y = self.y * (i32::from(y) - self.black) + 128;
+        [y + self.red_v * v, y + self.green_u * u + self.green_v * v, y + self.blue_u * u]
+            .map(|sum| (sum >> 8).clamp(0, 255) as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn convert(width: usize, height: usize, pixels: PixelFormat, bytes: &[u8]) -> Vec<u8> {
+        let raw = RawFormat { width, height, pixels };
+        assert_eq!(raw.frame_bytes().unwrap(), bytes.len());
+        let mut rgb = vec![0; 3 * width * height];
+        raw.yuv_to_rgb(Range::Limited, bytes, &mut rgb);
+        rgb
+    }
+
+    #[test]
+    fn colours_of_bt601() {
+        // Against the formula in floating point: full-scale primaries of BT.601 and grays.
+        for (yuv, rgb) in [
+            ([16, 128, 128], [0, 0, 0]),
+            ([235, 128, 128], [255, 255, 255]),
+            ([126, 128, 128], [128, 128, 128]),
+            ([81, 90, 240], [255, 0, 0]),
+            ([145, 54, 34], [0, 255, 0]),
+            ([41, 240, 110], [0, 0, 255]),
+            ([0, 128, 128], [0, 0, 0]),
+            ([255, 128, 128], [255, 255, 255]),
+        ] {
+            let found = Matrix::bt601(Range::Limited).rgb(yuv[0], yuv[1], yuv[2]);
+            for (found, expected) in found.into_iter().zip(rgb) {
+                assert!(i32::from(found).abs_diff(expected) <= 2, "{yuv:?}: {found} for {expected}");
+            }
+        }
+        assert_eq!(Matrix::bt601(Range::Full).rgb(77, 128, 128), [77; 3]);
+    }
+
+    #[test]
+    fn layouts_agree() {
+        // The same picture in every layout: chroma constant over 2x2 blocks, odd width and height.
+        let (w, h) = (5, 3);
+        let luma: Vec<u8> = (0..w * h).map(|i| 40 + 9 * i as u8).collect();
+        let (u, v) = ([100, 140, 90, 120, 150, 80], [90, 150, 120, 200, 60, 110]); // 3x2
+        let at = |plane: &[u8; 6], x: usize, y: usize| plane[y / 2 * 3 + x / 2];
+        let plane = |p: &[u8; 6], step: usize| -> Vec<u8> {
+            (0..h).flat_map(|y| (0..w).step_by(step).map(move |x| (x, y))).map(|(x, y)| at(p, x, y)).collect()
+        };
+        let yuv420: Vec<u8> = luma.iter().chain(&u).chain(&v).copied().collect();
+        let expected = convert(w, h, PixelFormat::Yuv420p, &yuv420);
+        let nv12: Vec<u8> =
+            luma.iter().copied().chain(u.iter().zip(&v).flat_map(|(&u, &v)| [u, v])).collect();
+        assert_eq!(convert(w, h, PixelFormat::Nv12, &nv12), expected);
+        for (format, step) in [(PixelFormat::Yuv422p, 2), (PixelFormat::Yuv444p, 1)] {
+            let bytes = [luma.clone(), plane(&u, step), plane(&v, step)].concat();
+            assert_eq!(convert(w, h, format, &bytes), expected, "{format:?}");
+        }
+        let mut yuyv = Vec::new();
+        for y in 0..h {
+            for x in (0..w).step_by(2) {
+                let second = if x + 1 < w { luma[y * w + x + 1] } else { 0 };
+                yuyv.extend([luma[y * w + x], at(&u, x, y), second, at(&v, x, y)]);
+            }
+        }
+        assert_eq!(convert(w, h, PixelFormat::Yuyv422, &yuyv), expected);
+        assert_eq!(&expected[..3], &Matrix::bt601(Range::Limited).rgb(40, 100, 90));
+    }
+
+    #[test]
+    fn one_pixel_in_every_layout() {
+        for (name, pixels) in PixelFormat::NAMES {
+            let raw = RawFormat { width: 1, height: 1, pixels };
+            let bytes = vec![128; raw.frame_bytes().unwrap()];
+            if raw.ready().is_none() {
+                assert_eq!(convert(1, 1, pixels, &bytes), [130; 3], "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn sizes_are_bounded() {
+        for (width, height, part) in [(0, 5, "0x5"), (5, 1 << 16, "5x65536"), (1 << 15, 1 << 15, "at most")] {
+            let raw = RawFormat { width, height, pixels: PixelFormat::Yuv420p };
+            let message = raw.frame_bytes().unwrap_err();
+            assert!(message.contains(part), "{message}");
+        }
+    }
+}

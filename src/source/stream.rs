@@ -1,0 +1,344 @@
+//! Frames that come one behind the other: y4m, PPM or headerless, from a pipe, a file or ffmpeg.
+
+use std::ffi::OsStr;
+use std::io::{BufReader, ErrorKind, Read};
+
+use super::ffmpeg::{Ffmpeg, Stopper};
+use super::header::{Layout, parse_y4m, read_line, read_ppm};
+use super::pixels::Range;
+use super::{Image, RawFormat, SourceError};
+use crate::frame::ChannelOrder;
+
+/// What stands in front of each frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Container {
+    /// Nothing.
+    Raw,
+    /// A line that starts with `FRAME`.
+    Y4m,
+    /// `P6`, width, height, 255: frames may change their size.
+    Ppm,
+}
+
+/// A stream of frames.
+pub(super) struct Stream {
+    reader: BufReader<Box<dyn Read + Send>>,
+    container: Container,
+    layout: Option<Layout>, // none until a PPM's first header was read
+    signature_read: bool,   // the first PPM's `P6` was consumed to recognise it
+    payload: Vec<u8>,       // one YUV frame
+    frame: usize,           // index of the frame that follows
+    label: String,          // the input as given
+    decoder: Option<Ffmpeg>,
+}
+
+impl Stream {
+    /// Reads frames of a known raw format, or else recognises y4m and PPM by their first bytes.
+    pub(super) fn from_reader(
+        reader: Box<dyn Read + Send>,
+        label: &str,
+        raw: Option<RawFormat>,
+    ) -> Result<Stream, SourceError> {
+        let mut stream = Stream::new(reader, label);
+        let described = match raw {
+            Some(raw) => {
+                raw.frame_bytes().map(|_| (Container::Raw, Some(Layout { raw, range: Range::Limited })))
+            }
+            None => stream.recognise(),
+        };
+        (stream.container, stream.layout) = described.map_err(|reason| stream.wrong(reason))?;
+        Ok(stream)
+    }
+
+    /// Has `ffmpeg` decode a file or URL.
+    pub(super) fn from_ffmpeg(location: &OsStr, label: &str) -> Result<Stream, SourceError> {
+        Self::from_program(OsStr::new("ffmpeg"), location, label)
+    }
+
+    fn from_program(program: &OsStr, location: &OsStr, label: &str) -> Result<Stream, SourceError> {
+        let wrong = |reason| SourceError::Ffmpeg { input: label.to_string(), reason };
+        let (decoder, pipe) = Ffmpeg::decode(program, location).map_err(wrong)?;
+        let mut stream = Stream::new(Box::new(pipe), label);
+        stream.decoder = Some(decoder);
+        Ok(stream)
+    }
+
+    fn new(reader: Box<dyn Read + Send>, label: &str) -> Stream {
+        Stream {
+            reader: BufReader::with_capacity(1 << 16, reader),
+            container: Container::Ppm,
+            layout: None,
+            signature_read: false,
+            payload: Vec::new(),
+            frame: 0,
+            label: label.to_string(),
+            decoder: None,
+        }
+    }
+
+    /// What ends a blocked read from another thread.
+    pub(super) fn stopper(&self) -> Option<Stopper> {
+        self.decoder.as_ref().map(Ffmpeg::stopper)
+    }
+
+    /// The next frame, in `buffer`; `None` at the end.
+    pub(super) fn next(&mut self, buffer: Vec<u8>) -> Result<Option<Image>, SourceError> {
+        let image = self.read(Some(buffer))?;
+        Ok(image.flatten())
+    }
+
+    /// Passes over one frame without converting it; `false` at the end.
+    pub(super) fn skip(&mut self) -> Result<bool, SourceError> {
+        Ok(self.read(None)?.is_some())
+    }
+
+    /// Reads one frame, and makes an image of it where there is a buffer for it.
+    fn read(&mut self, buffer: Option<Vec<u8>>) -> Result<Option<Option<Image>>, SourceError> {
+        let image = self.read_header().and_then(|layout| match layout {
+            Some(layout) => self.read_payload(layout, buffer),
+            None => Ok(None),
+        });
+        let failure = match (&image, self.decoder.take()) {
+            (Ok(Some(_)), decoder) => {
+                self.decoder = decoder;
+                None
+            }
+            (Ok(None), decoder) => decoder.and_then(|decoder| decoder.finish().err()),
+            (Err(reason), decoder) => decoder.map(|decoder| decoder.abort(reason)),
+        };
+        if let Some(reason) = failure {
+            return Err(SourceError::Ffmpeg { input: self.label.clone(), reason });
+        }
+        self.frame += 1;
+        image.map_err(|reason| self.wrong(reason))
+    }
+
+    fn wrong(&self, reason: String) -> SourceError {
+        SourceError::Format { input: self.label.clone(), reason }
+    }
+
+    /// Container and layout from the first bytes.
+    fn recognise(&mut self) -> Result<(Container, Option<Layout>), String> {
+        let mut start = [0; 2];
+        let found = read_full(&mut self.reader, &mut start)?;
+        match &start[..found] {
+            b"P6" => {
+                self.signature_read = true;
+                Ok((Container::Ppm, None))
+            }
+            b"YU" => {
+                let line = read_line(&mut self.reader)?.unwrap_or_default();
+                let parameters =
+                    line.strip_prefix("V4MPEG2").ok_or("expected a y4m header: YUV4MPEG2 ...")?;
+                let layout = parse_y4m(parameters)?;
+                layout.raw.frame_bytes()?;
+                Ok((Container::Y4m, Some(layout)))
+            }
+            [] => Err("no frame in it".into()),
+            other => Err(format!(
+                "starts with the bytes {other:02x?}, expected y4m (YUV4MPEG2), PPM (P6), or the size and pixel format \
+                 of headerless frames (--raw WxH --pix FORMAT)"
+            )),
+        }
+    }
+
+    /// What stands in front of the next frame; `None` at the end.
+    fn read_header(&mut self) -> Result<Option<Layout>, String> {
+        match self.container {
+            Container::Raw => {}
+            Container::Y4m => match read_line(&mut self.reader).map_err(|e| self.in_frame(&e))? {
+                None => return Ok(None),
+                Some(line) if line.starts_with("FRAME") => {}
+                Some(line) => {
+                    let start: String = line.chars().take(16).collect();
+                    return Err(self.in_frame(&format!("starts with {start:?}, expected FRAME")));
+                }
+            },
+            Container::Ppm => {
+                let mut signature = *b"P6";
+                if !std::mem::take(&mut self.signature_read) {
+                    match read_full(&mut self.reader, &mut signature)? {
+                        0 => return Ok(None),
+                        2 if &signature == b"P6" => {}
+                        found => {
+                            let found = &signature[..found];
+                            return Err(self.in_frame(&format!("starts with {found:02x?}, expected P6")));
+                        }
+                    }
+                }
+                self.layout = Some(read_ppm(&mut self.reader).map_err(|e| self.in_frame(&e))?);
+            }
+        }
+        Ok(self.layout)
+    }
+
+    fn read_payload(
+        &mut self,
+        layout: Layout,
+        buffer: Option<Vec<u8>>,
+    ) -> Result<Option<Option<Image>>, String> {
+        let expected = layout.raw.frame_bytes()?;
+        let order = layout.raw.ready();
+        let (mut data, wanted) = match buffer {
+            Some(buffer) => (buffer, true),
+            None => (Vec::new(), false),
+        };
+        let payload = if wanted && order.is_some() { &mut data } else { &mut self.payload };
+        payload.resize(expected, 0);
+        let found = read_full(&mut self.reader, payload)?;
+        if found == 0 && self.container == Container::Raw {
+            return Ok(None);
+        }
+        if found < expected {
+            return Err(self.in_frame(&format!("ends after {found} of {expected} bytes")));
+        }
+        if !wanted {
+            return Ok(Some(None));
+        }
+        let RawFormat { width, height, .. } = layout.raw;
+        if order.is_none() {
+            data.resize(3 * width * height, 0);
+            layout.raw.yuv_to_rgb(layout.range, &self.payload, &mut data);
+        }
+        let order = order.unwrap_or(ChannelOrder::Rgb);
+        Ok(Some(Some(Image { data, width, height, order, name: None })))
+    }
+
+    fn in_frame(&self, what: &str) -> String {
+        format!("frame {} {what}", self.frame)
+    }
+}
+
+/// Fills `buffer` as far as the stream goes and says how far that was.
+fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> Result<usize, String> {
+    let mut filled = 0;
+    while filled < buffer.len() {
+        match reader.read(&mut buffer[filled..]) {
+            Ok(0) => break,
+            Ok(n) => filled += n,
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error.to_string()),
+        }
+    }
+    Ok(filled)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::PixelFormat;
+
+    fn open(bytes: Vec<u8>, raw: Option<RawFormat>) -> Result<Stream, SourceError> {
+        Stream::from_reader(Box::new(std::io::Cursor::new(bytes)), "-", raw)
+    }
+
+    #[test]
+    fn raw_frames_and_a_truncated_one() {
+        let raw = RawFormat { width: 2, height: 2, pixels: PixelFormat::Bgr24 };
+        let mut stream = open((0..30).collect(), Some(raw)).unwrap();
+        assert!(stream.skip().unwrap());
+        let image = stream.next(vec![7; 99]).unwrap().unwrap();
+        assert_eq!((image.data, image.order), ((12..24).collect(), ChannelOrder::Bgr));
+        let message = stream.next(Vec::new()).unwrap_err().to_string();
+        assert!(message.contains("frame 2 ends after 6 of 12 bytes"), "{message}");
+        let mut whole = open(vec![0; 24], Some(raw)).unwrap();
+        assert!(whole.next(Vec::new()).unwrap().is_some() && whole.skip().unwrap());
+        assert!(whole.next(Vec::new()).unwrap().is_none());
+    }
+
+    #[test]
+    fn y4m_frames() {
+        let bytes = b"YUV4MPEG2 W2 H2 F25:1 Cmono\nFRAME\nabcdFRAME Ip\nefgh".to_vec();
+        let mut stream = open(bytes, None).unwrap();
+        assert_eq!(stream.next(Vec::new()).unwrap().unwrap().data, b"abcd");
+        let second = stream.next(Vec::new()).unwrap().unwrap();
+        assert_eq!((second.data.as_slice(), second.order), (&b"efgh"[..], ChannelOrder::Gray));
+        assert!(stream.next(Vec::new()).unwrap().is_none());
+    }
+
+    #[test]
+    fn ppm_frames_change_their_size() {
+        let bytes = b"P6\n1 1\n255\nabcP6 2 1 255\nabcdef".to_vec();
+        let mut stream = open(bytes, None).unwrap();
+        let sizes: Vec<_> = std::iter::from_fn(|| stream.next(Vec::new()).unwrap())
+            .map(|image| (image.width, image.height, image.data.len()))
+            .collect();
+        assert_eq!(sizes, [(1, 1, 3), (2, 1, 6)]);
+    }
+
+    #[test]
+    fn refuses_what_it_does_not_know() {
+        let cases: [(&[u8], &str); 9] = [
+            (b"", "no frame"),
+            (b"\x89PNG", "89, 50"),
+            (b"YU", "YUV4MPEG2"),
+            (b"YUV4MPEG2 W2", "ends after"),
+            (b"YUV4MPEG2 W2 H0\n", "2x0"),
+            (b"YUV4MPEG2 W2 H2 Cmono\nJUNK\nabcd", "JUNK"),
+            (b"YUV4MPEG2 W2 H2 Cmono\nFRAME\nabc", "3 of 4"),
+            (b"P6 99999 1 255\n", "99999x1"),
+            (b"P6 1 1 255\nabcP5", "50, 35"),
+        ];
+        for (bytes, part) in cases {
+            let message = match open(bytes.to_vec(), None) {
+                Err(error) => error.to_string(),
+                Ok(mut stream) => loop {
+                    match stream.next(Vec::new()) {
+                        Ok(image) => assert!(image.is_some(), "{part}: ended without an error"),
+                        Err(error) => break error.to_string(),
+                    }
+                },
+            };
+            assert!(message.contains(part), "{part}: {message}");
+        }
+    }
+
+    /// A shell script in the place of ffmpeg; one test only, so that no other process holds the file while it starts.
+    #[cfg(unix)]
+    #[test]
+    fn frames_and_failures_of_ffmpeg() {
+        use std::os::unix::fs::PermissionsExt;
+        let program = std::env::temp_dir().join(format!("track-cpu-ffmpeg-{}", std::process::id()));
+        let frame = "printf 'P6\\n1 1\\n255\\nabc'; ";
+        for (script, frames, part) in [
+            (format!("{frame}{frame}"), 2, None),
+            ("exit 0".into(), 0, None),
+            (
+                format!("{frame}echo one >&2; echo two >&2; exit 3"),
+                1,
+                Some("ffmpeg failed (exit status: 3):\none\ntwo"),
+            ),
+            ("exit 4".into(), 0, Some("ffmpeg failed (exit status: 4)")),
+            (
+                format!("{frame}echo why >&2; printf 'P6 1 1 255\\na'; exit 1"),
+                1,
+                Some("frame 1 ends after 1 of 3 bytes:\nwhy"),
+            ),
+            (format!("{frame}while :; do echo junk; done"), 1, Some("expected P6")),
+            (format!("{frame}seq 1 100000 >&2; exit 1"), 1, Some("\n99999\n100000")),
+        ] {
+            std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
+            std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+            let mut stream =
+                Stream::from_program(program.as_os_str(), OsStr::new("clip.mp4"), "clip.mp4").unwrap();
+            for _ in 0..frames {
+                assert_eq!(stream.next(Vec::new()).unwrap().unwrap().data, b"abc", "{script}");
+            }
+            match (stream.next(Vec::new()), part) {
+                (Ok(None), None) => {}
+                (Err(error), Some(part)) => {
+                    let message = error.to_string();
+                    assert!(
+                        message.starts_with("clip.mp4: ffmpeg") && message.contains(part),
+                        "{script}: {message}"
+                    );
+                    assert!(message.len() < 1200, "{script}: {} bytes", message.len());
+                }
+                (found, _) => panic!("{script}: {found:?}"),
+            }
+        }
+        std::fs::remove_file(&program).unwrap();
+        let missing = Stream::from_program(program.as_os_str(), OsStr::new("a"), "a").map(|_| ());
+        assert!(missing.unwrap_err().to_string().contains("not found: install it"));
+    }
+}

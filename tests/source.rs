@@ -1,0 +1,167 @@
+//! Frames through the public API: folders, patterns, selections, errors in order, decoding ahead.
+#![cfg(feature = "source")]
+
+use std::path::{Path, PathBuf};
+
+use image::{ExtendedColorType, save_buffer};
+use track_cpu::ChannelOrder;
+use track_cpu::source::{Image, Input, PixelFormat, Prefetch, RawFormat, Source, SourceError};
+
+/// A fresh folder for one test.
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("source").join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// Writes a 4x3 picture of one colour.
+fn picture(path: &Path, rgb: [u8; 3]) {
+    save_buffer(path, &rgb.repeat(12), 4, 3, ExtendedColorType::Rgb8).unwrap();
+}
+
+fn names(source: impl Iterator<Item = Result<Image, SourceError>>) -> Vec<String> {
+    let name = |image: Image| image.name.unwrap().file_name().unwrap().to_string_lossy().into_owned();
+    source.map(|image| image.map_or_else(|error| error.to_string(), name)).collect()
+}
+
+fn numbered(name: &str, count: u8) -> PathBuf {
+    let folder = folder(name);
+    for i in 1..=count {
+        picture(&folder.join(format!("img{i}.png")), [i, 2 * i, 3 * i]);
+    }
+    std::fs::write(folder.join("notes.txt"), "no picture").unwrap();
+    folder
+}
+
+#[test]
+fn a_folder_in_natural_order() {
+    let folder = numbered("natural", 12);
+    let mut source = Source::open(&Input::new(&folder)).unwrap();
+    assert_eq!(source.frames_left(), Some(12));
+    for i in 1..=12u8 {
+        let image = source.next().unwrap().unwrap();
+        assert_eq!((image.width, image.height, image.order), (4, 3, ChannelOrder::Rgb));
+        assert_eq!(image.frame().row(2)[..3], [i, 2 * i, 3 * i], "frame {i}");
+        source.recycle(image);
+    }
+    assert!(source.next().is_none() && source.next().is_none());
+}
+
+#[test]
+fn selected_frames_of_folders_and_patterns() {
+    let folder = numbered("selected", 12);
+    let select = |location: PathBuf, start, end| {
+        names(Source::open(&Input { start, end, ..Input::new(location) }).unwrap())
+    };
+    assert_eq!(select(folder.clone(), 9, None), ["img10.png", "img11.png", "img12.png"]);
+    assert_eq!(select(folder.clone(), 1, Some(3)), ["img2.png", "img3.png"]);
+    assert_eq!(select(folder.join("img1?.png"), 0, Some(99)), ["img10.png", "img11.png", "img12.png"]);
+    assert_eq!(select(folder.join("*"), 0, Some(1)), ["img1.png"]);
+    assert_eq!(select(folder.join("img7.png"), 0, None), ["img7.png"]);
+    for (start, end, part) in [(12, None, "12 frames"), (3, Some(3), "3..3"), (5, Some(2), "5..2")] {
+        let message = Source::open(&Input { start, end, ..Input::new(&folder) }).err().unwrap().to_string();
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn selected_frames_of_a_stream() {
+    let path = folder("stream").join("five.gray");
+    std::fs::write(&path, (0..20).collect::<Vec<u8>>()).unwrap();
+    let raw = Some(RawFormat { width: 2, height: 2, pixels: PixelFormat::Gray });
+    let first = |start, end| -> Vec<u8> {
+        let source = Source::open(&Input { raw, start, end, ..Input::new(&path) }).unwrap();
+        assert_eq!(source.frames_left(), None);
+        source.map(|image| image.unwrap().data[0]).collect()
+    };
+    assert_eq!(first(0, None), [0, 4, 8, 12, 16]);
+    assert_eq!(first(2, Some(4)), [8, 12]);
+    let mut short = Source::open(&Input { raw, start: 7, ..Input::new(&path) }).unwrap();
+    assert!(short.next().unwrap().unwrap_err().to_string().contains("5 frames in it"));
+    assert!(short.next().is_none());
+}
+
+#[test]
+fn every_format_and_case() {
+    let folder = folder("formats");
+    for name in ["a.bmp", "b.BMP", "c.png", "d.WebP", "e.jpg", "f.JPEG"] {
+        let path = folder.join(name);
+        let plain = path.with_extension(path.extension().unwrap().to_ascii_lowercase());
+        picture(&plain, [250, 20, 20]);
+        std::fs::rename(&plain, &path).unwrap();
+    }
+    let images: Vec<Image> = Source::open(&Input::new(&folder)).unwrap().collect::<Result<_, _>>().unwrap();
+    assert_eq!(images.len(), 6);
+    for image in images {
+        let pixel = &image.frame().row(1)[3..6];
+        assert!(pixel[0] > 235 && pixel[1] < 40, "{:?}: {pixel:?}", image.name);
+    }
+}
+
+#[test]
+fn gray_stays_gray_and_the_rest_becomes_rgb() {
+    let folder = folder("channels");
+    let samples = |n: usize| -> Vec<u8> { (0..12 * n).map(|i| 10 * (i % n) as u8 + 100).collect() };
+    for (name, kind, n, order) in [
+        ("l8.png", ExtendedColorType::L8, 1, ChannelOrder::Gray),
+        ("la8.png", ExtendedColorType::La8, 2, ChannelOrder::Gray),
+        ("l16.png", ExtendedColorType::L16, 2, ChannelOrder::Gray),
+        ("rgb8.png", ExtendedColorType::Rgb8, 3, ChannelOrder::Rgb),
+        ("rgba8.png", ExtendedColorType::Rgba8, 4, ChannelOrder::Rgb),
+        ("rgb16.png", ExtendedColorType::Rgb16, 6, ChannelOrder::Rgb),
+        ("gray.jpg", ExtendedColorType::L8, 1, ChannelOrder::Gray),
+    ] {
+        let path = folder.join(name);
+        save_buffer(&path, &samples(n), 4, 3, kind).unwrap();
+        let image = Source::open(&Input::new(&path)).unwrap().next().unwrap().unwrap();
+        assert_eq!((image.order, image.data.len()), (order, 12 * order.bytes_per_pixel()), "{name}");
+        assert!((98..=112).contains(&image.data[0]), "{name}: {:?}", &image.data[..4]);
+    }
+}
+
+#[test]
+fn a_bad_file_is_an_error_in_its_place() {
+    let folder = numbered("broken", 5);
+    std::fs::write(folder.join("img3.png"), b"no picture").unwrap();
+    let plain = names(Source::open(&Input::new(&folder)).unwrap());
+    let ahead = names(Prefetch::new(Source::open(&Input::new(&folder)).unwrap(), 2));
+    assert_eq!(plain, ahead);
+    assert_eq!((plain[1].as_str(), plain[3].as_str(), plain.len()), ("img2.png", "img4.png", 5));
+    assert!(plain[2].contains("img3.png") && plain[2].contains("expected a jpg"), "{}", plain[2]);
+}
+
+#[test]
+fn decoding_ahead_yields_the_same() {
+    let folder = numbered("ahead", 12);
+    let plain: Vec<Image> = Source::open(&Input::new(&folder)).unwrap().map(Result::unwrap).collect();
+    let mut prefetch = Prefetch::new(Source::open(&Input::new(&folder)).unwrap(), 3);
+    for expected in &plain {
+        let image = prefetch.next().unwrap().unwrap();
+        assert_eq!(&image, expected);
+        prefetch.recycle(image);
+    }
+    assert!(prefetch.next().is_none() && prefetch.next().is_none());
+}
+
+/// An endless source ends with its consumer: the pipe's writer is told so within a few frames.
+#[cfg(unix)]
+#[test]
+fn a_dropped_prefetch_stops_reading() {
+    use std::io::Write;
+    let pipe = folder("dropped").join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let writer = std::thread::spawn({
+        let pipe = pipe.clone();
+        move || {
+            let mut pipe = std::fs::OpenOptions::new().write(true).open(pipe).unwrap();
+            (0..1_000_000u32).find(|_| pipe.write_all(&[7; 64 * 64]).is_err())
+        }
+    });
+    let raw = Some(RawFormat { width: 64, height: 64, pixels: PixelFormat::Gray });
+    let mut prefetch = Prefetch::new(Source::open(&Input { raw, ..Input::new(&pipe) }).unwrap(), 2);
+    assert_eq!(prefetch.next().unwrap().unwrap().data[0], 7);
+    drop(prefetch);
+    let written = writer.join().unwrap().expect("the reader closed the pipe");
+    assert!(written < 100, "{written} frames were still read");
+}
