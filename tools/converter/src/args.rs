@@ -1,0 +1,64 @@
+//! The command line.
+
+use clap::{Parser, ValueEnum};
+use converter::Options;
+use std::path::PathBuf;
+use weights_format::{EncoderPosition, Storage};
+
+/// Convert a PyTorch checkpoint of DR-MIM / SiamFC++-AlexNet to a weights file
+///
+/// Reads zip archives (torch 1.6 and later) and legacy streams, as data: nothing in them is executed. Batch
+/// normalisation and the head's scalars are folded in; tensors that only training needs are ignored and listed.
+///
+/// Exit codes: 2 usage, 3 checkpoint cannot be read, 4 checkpoint refused, 5 output cannot be written.
+#[derive(Debug, Parser)]
+#[command(version)]
+pub struct Args {
+    /// The checkpoint (.pth, .pt, .pkl)
+    pub checkpoint: PathBuf,
+    /// The weights file to write; replaced if it exists
+    #[arg(long, value_name = "FILE", required_unless_present = "dry_run")]
+    pub out: Option<PathBuf>,
+    /// Type of the weights in the file (biases are always f32)
+    #[arg(long, value_enum, default_value_t = Dtype::F32)]
+    pub dtype: Dtype,
+    /// Print the network layer by layer and write nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Name of the model [default: that of the checkpoint]
+    #[arg(long)]
+    pub name: Option<String>,
+    /// The encoder E2 has no ReLU (no tensor tells)
+    #[arg(long)]
+    pub encoder_linear: bool,
+    /// The encoder E2 sits behind the neck (no tensor tells)
+    #[arg(long)]
+    pub encoder_after_neck: bool,
+}
+
+/// Type of the weights in the file.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Dtype {
+    /// Half precision: half the size, a relative error of about 0.0002
+    F16,
+    /// Single precision, exactly as folded
+    F32,
+}
+
+impl Args {
+    /// What the library needs to know of them.
+    pub fn options(&self) -> Options {
+        Options {
+            name: self.name.clone(),
+            storage: match self.dtype {
+                Dtype::F16 => Storage::F16,
+                Dtype::F32 => Storage::F32,
+            },
+            encoder_relu: !self.encoder_linear,
+            encoder_position: match self.encoder_after_neck {
+                true => EncoderPosition::AfterNeck,
+                false => EncoderPosition::BeforeNeck,
+            },
+        }
+    }
+}

@@ -1,0 +1,448 @@
+//! Pickle read as data: a stack machine that builds plain values and knows a handful of names, and calls nothing.
+//!
+//! Values live in one [`Heap`] and refer to each other by index, so that neither cycles nor deep nesting can hurt:
+//! nothing here or behind it recurses. Every opcode adds at most one value of bounded size, or moves values that others
+//! added, so time and memory are proportional to the input's length.
+//!
+//! Source: Python's `pickletools`, protocols 0 to 5 as far as `torch.save` uses them.
+
+use super::torch::{self, Global, StorageRef, TensorRef};
+use crate::error::Refusal;
+use std::collections::HashMap;
+
+/// Longest pickle accepted; that of a checkpoint with optimiser state has about a hundred kilobytes.
+pub const MAX_BYTES: usize = 2 << 20;
+
+/// Index of a value in a [`Heap`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Id(u32);
+
+/// One value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    None,
+    Bool(bool),
+    Int(i128),
+    /// No float matters to us, so none is kept.
+    Float,
+    Str(String),
+    Tuple(Vec<Id>),
+    List(Vec<Id>),
+    /// `dict` and `OrderedDict`, in the order of insertion; a key may occur twice.
+    Dict(Vec<(Id, Id)>),
+    Global(Global),
+    Storage(Box<StorageRef>),
+    Tensor(Box<TensorRef>),
+}
+
+impl Value {
+    /// What kind of value it is, for messages.
+    pub fn kind(&self) -> String {
+        match self {
+            Value::None => "None".into(),
+            Value::Bool(value) => format!("{value}"),
+            Value::Int(value) => format!("{value}"),
+            Value::Float => "a float".into(),
+            Value::Str(text) => format!("{:?}", text.chars().take(80).collect::<String>()),
+            Value::Tuple(items) => format!("a tuple of {}", items.len()),
+            Value::List(items) => format!("a list of {}", items.len()),
+            Value::Dict(items) => format!("a dict of {}", items.len()),
+            Value::Global(global) => format!("{global:?}"),
+            Value::Storage(_) => "a storage".into(),
+            Value::Tensor(tensor) => format!("a tensor of shape {:?}", tensor.shape),
+        }
+    }
+}
+
+/// All values of a pickle.
+#[derive(Debug, Default)]
+pub struct Heap {
+    values: Vec<Value>,
+}
+
+impl Heap {
+    /// The value of an id, which only this heap gives out.
+    pub fn get(&self, id: Id) -> &Value {
+        &self.values[id.0 as usize]
+    }
+
+    /// Every value, in no useful order.
+    pub fn values(&self) -> impl Iterator<Item = &Value> {
+        self.values.iter()
+    }
+
+    fn add(&mut self, value: Value) -> Id {
+        self.values.push(value);
+        Id((self.values.len() - 1) as u32)
+    }
+}
+
+/// What a pickle holds.
+#[derive(Debug)]
+pub struct Pickle {
+    /// All values.
+    pub heap: Heap,
+    /// The one that `pickle.load` would return.
+    pub root: Id,
+    /// How many bytes the pickle has; more may follow it.
+    pub length: usize,
+}
+
+/// Reads the pickle at the start of `bytes`.
+///
+/// # Errors
+/// Names the byte and the opcode or global that is not accepted.
+pub fn read(bytes: &[u8]) -> Result<Pickle, Refusal> {
+    let mut machine = Machine {
+        input: &bytes[..bytes.len().min(MAX_BYTES)],
+        at: 0,
+        opcode_at: 0,
+        heap: Heap::default(),
+        stack: Vec::new(),
+        marks: Vec::new(),
+        memo: HashMap::new(),
+    };
+    let root = machine.run()?;
+    Ok(Pickle { heap: machine.heap, root, length: machine.at })
+}
+
+struct Machine<'a> {
+    input: &'a [u8],
+    at: usize,
+    /// Where the opcode under way began, for messages.
+    opcode_at: usize,
+    heap: Heap,
+    stack: Vec<Id>,
+    /// Heights of the stack at which a mark was set.
+    marks: Vec<usize>,
+    memo: HashMap<u32, Id>,
+}
+
+impl Machine<'_> {
+    fn run(&mut self) -> Result<Id, Refusal> {
+        loop {
+            self.opcode_at = self.at;
+            let opcode = self.byte()?;
+            if opcode == b'.' {
+                return self.pop();
+            }
+            self.step(opcode)?;
+        }
+    }
+
+    fn step(&mut self, opcode: u8) -> Result<(), Refusal> {
+        match opcode {
+            0x80 => {
+                let version = self.byte()?;
+                if version > 5 {
+                    return Err(self.refuse("protocol 0 to 5", version));
+                }
+            }
+            0x95 => drop(self.take(8)?), // FRAME: only a hint for buffering
+            b'(' => self.marks.push(self.stack.len()),
+            b'N' => self.push(Value::None),
+            0x88 => self.push(Value::Bool(true)),
+            0x89 => self.push(Value::Bool(false)),
+            b'J' => {
+                let value = i32::from_le_bytes(self.array()?);
+                self.push(Value::Int(value.into()));
+            }
+            b'K' => {
+                let value = self.byte()?;
+                self.push(Value::Int(value.into()));
+            }
+            b'M' => {
+                let value = u16::from_le_bytes(self.array()?);
+                self.push(Value::Int(value.into()));
+            }
+            0x8a => {
+                let length = self.byte()?;
+                let value = self.long(length)?;
+                self.push(Value::Int(value));
+            }
+            b'G' => {
+                self.take(8)?;
+                self.push(Value::Float);
+            }
+            b'X' | b'T' => {
+                let length = u32::from_le_bytes(self.array()?);
+                self.string(length)?;
+            }
+            0x8c | b'U' => {
+                let length = self.byte()?;
+                self.string(length.into())?;
+            }
+            b'}' => self.push(Value::Dict(Vec::new())),
+            b']' => self.push(Value::List(Vec::new())),
+            b')' => self.push(Value::Tuple(Vec::new())),
+            b't' => {
+                let items = self.pop_mark()?;
+                self.push(Value::Tuple(items));
+            }
+            0x85..=0x87 => {
+                let mut items = vec![Id(0); usize::from(opcode - 0x84)];
+                for item in items.iter_mut().rev() {
+                    *item = self.pop()?;
+                }
+                self.push(Value::Tuple(items));
+            }
+            b'a' => {
+                let item = self.pop()?;
+                self.append(vec![item])?;
+            }
+            b'e' => {
+                let items = self.pop_mark()?;
+                self.append(items)?;
+            }
+            b's' => {
+                let value = self.pop()?;
+                let key = self.pop()?;
+                self.set(vec![key, value])?;
+            }
+            b'u' => {
+                let items = self.pop_mark()?;
+                self.set(items)?;
+            }
+            b'q' => {
+                let slot = self.byte()?;
+                self.remember(slot.into())?;
+            }
+            b'r' => {
+                let slot = u32::from_le_bytes(self.array()?);
+                self.remember(slot)?;
+            }
+            0x94 => self.remember(self.memo.len() as u32)?,
+            b'h' => {
+                let slot = self.byte()?;
+                self.recall(slot.into())?;
+            }
+            b'j' => {
+                let slot = u32::from_le_bytes(self.array()?);
+                self.recall(slot)?;
+            }
+            b'c' => {
+                let module = self.line()?;
+                let name = self.line()?;
+                self.global(&module, &name)?;
+            }
+            0x93 => {
+                let (name, module) = (self.pop()?, self.pop()?);
+                match (self.heap.get(module).clone(), self.heap.get(name).clone()) {
+                    (Value::Str(module), Value::Str(name)) => self.global(&module, &name)?,
+                    (module, _) => return Err(self.refuse("two strings for STACK_GLOBAL", module.kind())),
+                }
+            }
+            b'R' => self.reduce()?,
+            b'b' => {
+                // The attributes of an OrderedDict (`_metadata` of a state dict) do not matter to us.
+                self.pop()?;
+                let object = self.top()?;
+                if !matches!(self.heap.get(object), Value::Dict(_)) {
+                    return Err(self.refuse("BUILD of an OrderedDict", self.heap.get(object).kind()));
+                }
+            }
+            b'Q' => {
+                let id = self.pop()?;
+                let storage = torch::storage(&self.heap, id).map_err(|error| self.place(error))?;
+                self.push(Value::Storage(Box::new(storage)));
+            }
+            _ => return Err(self.refuse("an opcode of plain data", name_of(opcode))),
+        }
+        Ok(())
+    }
+
+    fn reduce(&mut self) -> Result<(), Refusal> {
+        let (arguments, callable) = (self.pop()?, self.pop()?);
+        let Value::Global(global) = self.heap.get(callable) else {
+            return Err(self.refuse("REDUCE of a known global", self.heap.get(callable).kind()));
+        };
+        let Value::Tuple(items) = self.heap.get(arguments) else {
+            return Err(self.refuse("a tuple of arguments", self.heap.get(arguments).kind()));
+        };
+        let value = torch::call(&self.heap, global, items).map_err(|error| self.place(error))?;
+        self.push(value);
+        Ok(())
+    }
+
+    fn global(&mut self, module: &str, name: &str) -> Result<(), Refusal> {
+        let Some(global) = torch::global(module, name) else {
+            return Err(self.refuse("a global of a plain state dict", format!("`{module}.{name}`")));
+        };
+        self.push(Value::Global(global));
+        Ok(())
+    }
+
+    fn append(&mut self, items: Vec<Id>) -> Result<(), Refusal> {
+        let target = self.top()?;
+        match &mut self.heap.values[target.0 as usize] {
+            Value::List(list) => list.extend(items),
+            other => {
+                let kind = other.kind();
+                return Err(self.refuse("APPEND to a list", kind));
+            }
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, items: Vec<Id>) -> Result<(), Refusal> {
+        if !items.len().is_multiple_of(2) {
+            return Err(self.refuse("pairs for SETITEMS", items.len()));
+        }
+        let target = self.top()?;
+        match &mut self.heap.values[target.0 as usize] {
+            Value::Dict(dict) => dict.extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1]))),
+            other => {
+                let kind = other.kind();
+                return Err(self.refuse("SETITEM of a dict", kind));
+            }
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, value: Value) {
+        let id = self.heap.add(value);
+        self.stack.push(id);
+    }
+
+    /// The topmost value above the last mark.
+    fn top(&self) -> Result<Id, Refusal> {
+        let floor = self.marks.last().copied().unwrap_or(0);
+        match self.stack[floor..].last() {
+            Some(&id) => Ok(id),
+            None => Err(self.refuse("a value on the stack", "none")),
+        }
+    }
+
+    fn pop(&mut self) -> Result<Id, Refusal> {
+        let top = self.top()?;
+        self.stack.pop();
+        Ok(top)
+    }
+
+    fn pop_mark(&mut self) -> Result<Vec<Id>, Refusal> {
+        match self.marks.pop() {
+            Some(mark) => Ok(self.stack.split_off(mark)),
+            None => Err(self.refuse("a mark on the stack", "none")),
+        }
+    }
+
+    fn remember(&mut self, slot: u32) -> Result<(), Refusal> {
+        let top = self.top()?;
+        self.memo.insert(slot, top);
+        Ok(())
+    }
+
+    fn recall(&mut self, slot: u32) -> Result<(), Refusal> {
+        match self.memo.get(&slot) {
+            Some(&id) => self.stack.push(id),
+            None => return Err(self.refuse("a memo slot that was filled", slot)),
+        }
+        Ok(())
+    }
+
+    /// Reads a string and pushes it.
+    fn string(&mut self, length: u32) -> Result<(), Refusal> {
+        let bytes = self.take(length as usize)?;
+        match std::str::from_utf8(bytes) {
+            Ok(text) => {
+                let text = Value::Str(text.to_owned());
+                self.push(text);
+                Ok(())
+            }
+            Err(_) => Err(self.refuse("a string in UTF-8", format!("{length} other bytes"))),
+        }
+    }
+
+    /// Reads a little-endian two's complement integer of up to 16 bytes.
+    fn long(&mut self, length: u8) -> Result<i128, Refusal> {
+        let length = usize::from(length);
+        if length > 16 {
+            return Err(self.refuse("an integer of at most 16 bytes", length));
+        }
+        let bytes = self.take(length)?;
+        let negative = bytes.last().is_some_and(|last| last & 0x80 != 0);
+        let mut wide = [if negative { 0xff } else { 0 }; 16];
+        wide[..length].copy_from_slice(bytes);
+        Ok(i128::from_le_bytes(wide))
+    }
+
+    /// Reads up to the end of the line, which no module or name puts far away.
+    fn line(&mut self) -> Result<String, Refusal> {
+        let rest = &self.input[self.at..];
+        let Some(length) = rest.iter().take(256).position(|&byte| byte == b'\n') else {
+            return Err(self.refuse("a line of at most 255 bytes", "a longer one"));
+        };
+        let bytes = self.take(length + 1)?;
+        Ok(String::from_utf8_lossy(&bytes[..length]).into_owned())
+    }
+
+    fn byte(&mut self) -> Result<u8, Refusal> {
+        Ok(self.array::<1>()?[0])
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], Refusal> {
+        let mut array = [0; N];
+        array.copy_from_slice(self.take(N)?);
+        Ok(array)
+    }
+
+    fn take(&mut self, length: usize) -> Result<&[u8], Refusal> {
+        let rest = &self.input[self.at..];
+        if length > rest.len() {
+            let found = if self.input.len() == MAX_BYTES {
+                format!("the bound of {MAX_BYTES} bytes per pickle")
+            } else {
+                format!("the end after {}", rest.len())
+            };
+            return Err(self.refuse(format!("{length} more bytes"), found));
+        }
+        self.at += length;
+        Ok(&rest[..length])
+    }
+
+    fn refuse(&self, expected: impl ToString, found: impl ToString) -> Refusal {
+        Refusal::new(format!("pickle, byte {}", self.opcode_at), expected, found)
+    }
+
+    /// Adds the byte to a refusal that does not know it.
+    fn place(&self, refusal: Refusal) -> Refusal {
+        Refusal { place: format!("pickle, byte {}: {}", self.opcode_at, refusal.place), ..refusal }
+    }
+}
+
+/// Name of an opcode that is not accepted.
+fn name_of(opcode: u8) -> String {
+    let name = match opcode {
+        b'0' => "POP",
+        b'1' => "POP_MARK",
+        b'2' => "DUP",
+        b'B' => "BINBYTES",
+        b'C' => "SHORT_BINBYTES",
+        b'F' => "FLOAT",
+        b'I' => "INT",
+        b'L' => "LONG",
+        b'P' => "PERSID",
+        b'S' => "STRING",
+        b'V' => "UNICODE",
+        b'd' => "DICT",
+        b'g' => "GET",
+        b'i' => "INST",
+        b'l' => "LIST",
+        b'o' => "OBJ",
+        b'p' => "PUT",
+        0x81 => "NEWOBJ",
+        0x82..=0x84 => "EXT",
+        0x8b => "LONG4",
+        0x8d => "BINUNICODE8",
+        0x8e => "BINBYTES8",
+        0x8f => "EMPTY_SET",
+        0x90 => "ADDITEMS",
+        0x91 => "FROZENSET",
+        0x92 => "NEWOBJ_EX",
+        0x96 => "BYTEARRAY8",
+        0x97 => "NEXT_BUFFER",
+        0x98 => "READONLY_BUFFER",
+        _ => return format!("byte {opcode:#04x}"),
+    };
+    format!("opcode {name}")
+}

@@ -1,0 +1,177 @@
+//! From a checkpoint to weights.
+
+use crate::{
+    architecture::{convolutions, infer, parameters},
+    checkpoint::{self, Checkpoint},
+    error::{Error, Refusal, brief},
+    fold::{BatchNorm, Convolution},
+    names::{self, EncoderNames, Role},
+};
+use std::{
+    collections::BTreeSet,
+    fs::File,
+    io::{self, Read},
+    path::Path,
+};
+use weights_format::{EncoderPosition, Header, Layer, Provenance, Storage, Tensor, Weights};
+
+/// What the checkpoint does not say.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Name of the model; that of the file where `None`.
+    pub name: Option<String>,
+    /// Type of the weights in the file.
+    pub storage: Storage,
+    /// Whether a ReLU follows the encoder's convolutions.
+    pub encoder_relu: bool,
+    /// Where the encoder sits.
+    pub encoder_position: EncoderPosition,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            name: None,
+            storage: Storage::F32,
+            encoder_relu: true,
+            encoder_position: EncoderPosition::BeforeNeck,
+        }
+    }
+}
+
+/// What became of a checkpoint.
+#[derive(Clone, Debug)]
+pub struct Conversion {
+    /// The deployed network, complete and checked.
+    pub weights: Weights,
+    /// Tensors that only training needs, and whatever lies beside the state dict.
+    pub ignored: Vec<String>,
+    /// Tensors that belong to nothing we know.
+    pub unknown: Vec<String>,
+}
+
+/// Converts the checkpoint at `path`.
+///
+/// # Errors
+/// [`Error::Unreadable`] or [`Error::Refused`], with the path.
+pub fn convert(path: &Path, options: &Options) -> Result<Conversion, Error> {
+    let bytes = read(path).map_err(|error| Error::Unreadable { path: path.into(), error })?;
+    let file = |part: Option<&std::ffi::OsStr>| brief(part.unwrap_or_default().to_string_lossy());
+    let name = options.name.clone().unwrap_or_else(|| file(path.file_stem()));
+    let mut conversion = convert_bytes(&bytes, &Options { name: Some(name), ..options.clone() })
+        .map_err(|refusal| Error::Refused { path: path.into(), refusal })?;
+    conversion.weights.header.provenance.source = format!("PyTorch checkpoint {}", file(path.file_name()));
+    Ok(conversion)
+}
+
+/// Converts a checkpoint in memory.
+///
+/// # Errors
+/// Says which part of the file, which byte of the pickle or which tensor is wrong, what was expected there and what was
+/// found.
+pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refusal> {
+    let mut checkpoint = Checkpoint::from_bytes(bytes)?;
+    if let Some(name) = checkpoint.names().find(|name| names::role(name) == Role::Gate) {
+        let expected = "a network without dynamic channel weighting (gates)";
+        return Err(Refusal::new(format!("tensor {name:?}"), expected, "a gate"));
+    }
+    let encoder = EncoderNames::find(|name| checkpoint.shape(name).is_some());
+    let architecture = infer(&checkpoint, encoder, options.encoder_relu, options.encoder_position)?;
+    let mut weights = Weights::new(Header {
+        storage: options.storage,
+        provenance: Provenance {
+            name: options.name.clone().unwrap_or_default(),
+            source: "PyTorch checkpoint".into(),
+            notes: [("converter".into(), env!("CARGO_PKG_VERSION").into())].into(),
+        },
+        ..Header::new(architecture)
+    });
+    let layers = convolutions(&architecture);
+    for layer in &layers {
+        let folded = fold(&mut checkpoint, layer, encoder)?;
+        let weight = Tensor { shape: layer.weight_shape().to_vec(), data: folded.weight_ohwi() };
+        let bias = Tensor {
+            shape: vec![layer.out_channels],
+            data: folded.bias.iter().map(|&bias| bias as f32).collect(),
+        };
+        weights.insert(format!("{}.weight", layer.name), weight);
+        weights.insert(format!("{}.bias", layer.name), bias);
+    }
+    let (ignored, unknown) = rest(&checkpoint, &layers, encoder)?;
+    weights.check().map_err(|error| Refusal::new("converted weights", "values that fit f32", error))?;
+    Ok(Conversion { weights, ignored, unknown })
+}
+
+/// A layer with everything folded in that follows it.
+fn fold(
+    checkpoint: &mut Checkpoint,
+    layer: &Layer,
+    encoder: Option<EncoderNames>,
+) -> Result<Convolution, Refusal> {
+    let names = parameters(layer, encoder);
+    let outputs = [layer.out_channels];
+    let shape = [layer.out_channels, layer.in_channels, layer.kernel, layer.kernel];
+    let weight = checkpoint.load(&names[0], &shape)?;
+    let bias = checkpoint.load(&names[1], &outputs)?;
+    let mut folded = Convolution { shape, weight, bias };
+    if let [scale, shift, mean, variance] = &names[2..] {
+        let bn = BatchNorm {
+            scale: checkpoint.load(scale, &outputs)?,
+            shift: checkpoint.load(shift, &outputs)?,
+            mean: checkpoint.load(mean, &outputs)?,
+            variance: checkpoint.load(variance, &outputs)?,
+        };
+        if let Some(negative) = bn.variance.iter().find(|&&variance| variance < 0.0) {
+            return Err(Refusal::new(format!("tensor {variance:?}"), "no negative variance", negative));
+        }
+        folded.fold_batch_norm(&bn);
+    }
+    if layer.name == "head.offsets" {
+        let mut scalars = [0.0; 2];
+        for (scalar, name) in scalars.iter_mut().zip(names::SCALARS) {
+            *scalar = checkpoint.load(name, &[])?[0];
+        }
+        folded.fold_affine(scalars[0], scalars[1]);
+    }
+    Ok(folded)
+}
+
+/// What was not converted: ignored and unknown.
+///
+/// A tensor that says it is of the network but has no place in it would change what the network computes: refused.
+fn rest(
+    checkpoint: &Checkpoint,
+    layers: &[Layer],
+    encoder: Option<EncoderNames>,
+) -> Result<(Vec<String>, Vec<String>), Refusal> {
+    let mut used: BTreeSet<String> = names::SCALARS.map(String::from).into();
+    for layer in layers {
+        used.extend(parameters(layer, encoder));
+        if layer.bn {
+            used.insert(format!("{}.{}", names::prefix(&layer.name, encoder), names::COUNTER));
+        }
+    }
+    let (mut ignored, mut unknown) = (checkpoint.others().to_vec(), Vec::new());
+    for name in checkpoint.names().filter(|name| !used.contains(*name)) {
+        match names::role(name) {
+            Role::Training => ignored.push(name.to_owned()),
+            Role::Unknown => unknown.push(name.to_owned()),
+            Role::Deployed | Role::Gate => {
+                let place = format!("tensor {name:?}");
+                return Err(Refusal::new(place, "no tensor of this name in this network", "one"));
+            }
+        }
+    }
+    Ok((ignored, unknown))
+}
+
+/// Reads no more than one byte beyond the bound, whatever a file's metadata say about its length.
+fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(checkpoint::MAX_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > checkpoint::MAX_BYTES {
+        let message = format!("larger than {} bytes", checkpoint::MAX_BYTES);
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, message));
+    }
+    Ok(bytes)
+}

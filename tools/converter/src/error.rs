@@ -1,0 +1,58 @@
+//! What can go wrong, grouped by who is at fault.
+
+use std::{io, path::PathBuf};
+use weights_format::WriteError;
+
+/// Why a checkpoint was not converted.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system would not give us the checkpoint.
+    #[error("{}: cannot be read: {error}", path.display())]
+    Unreadable {
+        /// The checkpoint.
+        path: PathBuf,
+        /// What the operating system said.
+        error: io::Error,
+    },
+    /// The checkpoint is not one, or not one of this network.
+    #[error("{}: {refusal}", path.display())]
+    Refused {
+        /// The checkpoint.
+        path: PathBuf,
+        /// What is wrong with it.
+        refusal: Refusal,
+    },
+    /// The operating system would not take the weights file.
+    #[error(transparent)]
+    Unwritable(WriteError),
+}
+
+/// What is wrong with a checkpoint: where, what was expected there, what was found.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{place}: expected {expected}, found {found}")]
+pub struct Refusal {
+    /// The tensor, the part of the file, the byte of the pickle.
+    pub place: String,
+    /// What would have been accepted.
+    pub expected: String,
+    /// What was found.
+    pub found: String,
+}
+
+impl Refusal {
+    pub(crate) fn new(place: impl ToString, expected: impl ToString, found: impl ToString) -> Refusal {
+        Refusal { place: brief(place), expected: brief(expected), found: brief(found) }
+    }
+}
+
+/// A stranger's text, cut to a length and stripped of control characters, fit for a terminal.
+pub(crate) fn brief(text: impl ToString) -> String {
+    const LONGEST: usize = 300;
+    let text = text.to_string();
+    let mut short: String =
+        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    if text.chars().nth(LONGEST).is_some() {
+        short.push_str("...");
+    }
+    short
+}
