@@ -1,1 +1,44 @@
-//! Placeholder.
+//! Follows one object through video on a CPU: the DR-MIM tracker with hand-written SIMD kernels.
+//!
+//! ```no_run
+//! use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
+//!
+//! # fn next_frame() -> Option<Vec<u8>> { None }
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut tracker = Tracker::new(Model::builtin(Isa::detect()));
+//! let first = next_frame().ok_or("no frame")?;
+//! tracker.init(&Frame::new(&first, 640, 360, ChannelOrder::Rgb)?, BBox::new(310.0, 150.0, 40.0, 24.0))?;
+//! while let Some(pixels) = next_frame() {
+//!     let track = tracker.update(&Frame::new(&pixels, 640, 360, ChannelOrder::Rgb)?)?;
+//!     println!("{:?} {:.2}", track.bbox, track.score);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Read `tracker.rs` first: a frame's way to its box starts in [`Tracker::update`].
+
+#![forbid(unsafe_code)]
+
+pub mod bbox;
+pub mod config;
+pub mod crop;
+pub mod error;
+pub mod frame;
+pub mod model;
+pub mod net;
+pub mod scratch;
+mod select;
+#[cfg(feature = "source")]
+pub mod source;
+pub mod stages;
+pub mod tracker;
+
+pub use bbox::BBox;
+pub use config::TrackConfig;
+pub use error::{FrameError, ModelError, TrackError};
+pub use frame::{ChannelOrder, Frame};
+pub use kernels::Isa;
+pub use model::Model;
+pub use stages::Stages;
+pub use tracker::{Track, Tracker, TrackerOptions};

@@ -138,6 +138,7 @@ impl Tile<'_> {
     }
 
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
         if PIXELS > S::TILE_PIXELS[VECTORS] {
             unreachable!("more than the registers hold");

@@ -1,0 +1,134 @@
+//! The context-padded square crop around a target: geometry (spec section 2.2) and sampling.
+
+use crate::bbox::CenterBox;
+use crate::frame::Frame;
+use kernels::Size;
+use kernels::par::Threads;
+use kernels::resample::{Grid, Pixels, Tap, resample};
+
+/// A square region of the frame and the crop it is resampled to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// Centre in frame pixels, horizontally; sub-pixel.
+    pub cx: f64,
+    /// Centre in frame pixels, vertically.
+    pub cy: f64,
+    /// Side in frame pixels, whole.
+    pub side: f64,
+    /// Side of the crop in pixels.
+    pub crop_side: usize,
+}
+
+/// Crop pixels per frame pixel for a target of `w` x `h`: the template's side over the side of the target with its
+/// context.
+///
+/// The side is `sqrt((w + p)(h + p))` with `p = context_amount * (w + h)`. Both crops share this scale; it is *not* recomputed from a region's rounded side.
+pub fn scale(w: f64, h: f64, context_amount: f64, template_size: usize) -> f64 {
+    let context = context_amount * (w + h);
+    template_size as f64 / ((w + context) * (h + context)).sqrt()
+}
+
+impl Region {
+    /// The region around `target` that becomes a crop of `crop_side` pixels at `scale` crop pixels per frame pixel.
+    ///
+    /// Its side is rounded, ties to even, and at least 2.
+    pub fn around(target: &CenterBox, scale: f64, crop_side: usize) -> Region {
+        let side = (crop_side as f64 / scale).round_ties_even().max(2.0);
+        Region { cx: f64::from(target.cx), cy: f64::from(target.cy), side, crop_side }
+    }
+
+    /// Where the crop's pixels lie in the frame: the outermost pixel centres of both coincide.
+    fn grid(&self) -> Grid {
+        let reach = (self.side - 1.0) / 2.0;
+        Grid {
+            x0: self.cx - reach,
+            y0: self.cy - reach,
+            step: (self.side - 1.0) / (self.crop_side - 1) as f64,
+            side: self.crop_side,
+        }
+    }
+}
+
+/// Cuts crops; keeps the scratch space that this needs.
+#[derive(Clone, Debug, Default)]
+pub struct Cropper {
+    columns: Vec<Tap>,
+}
+
+impl Cropper {
+    /// Resamples `region` of `frame` into `out` (`[crop_side, crop_side, 3]`, BGR), `border` (BGR) standing for what lies
+    /// outside the frame.
+    ///
+    /// Bilinear with exact weights, as OpenCV 5's `warpAffine` does it. Panics if `out` has not the crop's size.
+    pub fn cut(
+        &mut self,
+        threads: &Threads,
+        frame: &Frame<'_>,
+        region: &Region,
+        border: [u8; 3],
+        out: &mut [u8],
+    ) {
+        let pixels = Pixels {
+            data: frame.data(),
+            size: Size { h: frame.height(), w: frame.width() },
+            stride: frame.stride(),
+            bytes_per_pixel: frame.order().bytes_per_pixel(),
+            offsets: frame.order().bgr_offsets(),
+        };
+        self.columns.resize(region.crop_side, Tap::default());
+        resample(threads, &pixels, border, &region.grid(), &mut self.columns, out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bbox::BBox;
+    use crate::frame::ChannelOrder;
+
+    #[test]
+    fn worked_values_of_the_spec() {
+        // spec section 2.2
+        let target = BBox::new(100.0, 50.0, 40.0, 80.0).center();
+        let scale = scale(40.0, 80.0, 0.5, 127);
+        assert!((127.0 / scale - 118.32160).abs() < 1e-5);
+        assert!((scale - 1.0733459).abs() < 1e-7);
+        let template = Region::around(&target, scale, 127);
+        assert_eq!(template.side, 118.0);
+        let grid = template.grid();
+        assert!((grid.step - 0.92857143).abs() < 1e-8);
+        assert_eq!((grid.x0, grid.y0), (61.0, 31.0));
+        let search = Region::around(&target, scale, 303);
+        assert_eq!(search.side, 282.0);
+        let grid = search.grid();
+        assert!((grid.step - 0.93046358).abs() < 1e-8);
+        assert_eq!((grid.x0, grid.y0), (-21.0, -51.0));
+    }
+
+    fn cut(frame: &Frame<'_>, region: &Region, border: [u8; 3]) -> Vec<u8> {
+        let mut out = vec![0; region.crop_side * region.crop_side * 3];
+        Cropper::default().cut(&Threads::new(1), frame, region, border, &mut out);
+        out
+    }
+
+    #[test]
+    fn constant_frames_stay_constant() {
+        let data = [10u8, 20, 30].repeat(50 * 40);
+        let frame = Frame::new(&data, 50, 40, ChannelOrder::Bgr).unwrap();
+        let target = CenterBox { cx: 12.3, cy: 31.7, w: 11.0, h: 7.0 };
+        let region = Region::around(&target, scale(11.0, 7.0, 0.5, 127), 303);
+        assert!(cut(&frame, &region, frame.mean_bgr()).chunks(3).all(|p| p == [10, 20, 30]));
+    }
+
+    #[test]
+    fn outside_is_border_and_half_pixels_are_means() {
+        let data = [0u8, 100, 200, 50];
+        let frame = Frame::new(&data, 2, 2, ChannelOrder::Gray).unwrap();
+        let outside = Region { cx: -50.0, cy: 300.0, side: 9.0, crop_side: 5 };
+        assert!(cut(&frame, &outside, [1, 2, 3]).chunks(3).all(|p| p == [1, 2, 3]));
+        let middle = Region { cx: 0.5, cy: 0.5, side: 2.0, crop_side: 3 };
+        let crop = cut(&frame, &middle, [9; 3]);
+        assert_eq!(crop[3..6], [50; 3]);
+        assert_eq!(crop[12..15], [88; 3]); // 87.5, ties to even
+    }
+}

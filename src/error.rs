@@ -1,0 +1,126 @@
+//! What can go wrong, grouped by who is at fault.
+
+use std::path::PathBuf;
+
+/// Pixels that cannot be a [`Frame`](crate::Frame).
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FrameError {
+    /// A side is 0 or too large.
+    #[error("frame is {width}x{height} pixels, expected sides from 1 to {max}")]
+    Size {
+        /// Width found.
+        width: usize,
+        /// Height found.
+        height: usize,
+        /// Largest side accepted.
+        max: usize,
+    },
+    /// The stride is shorter than a row.
+    #[error("frame stride is {stride} bytes, expected at least {expected}")]
+    Stride {
+        /// Stride found.
+        stride: usize,
+        /// Bytes of one row.
+        expected: usize,
+    },
+    /// The data ends before the last pixel.
+    #[error("frame data holds {found} bytes, expected at least {expected}")]
+    Data {
+        /// Bytes found.
+        found: usize,
+        /// Bytes needed.
+        expected: usize,
+    },
+}
+
+/// Why the tracker refused a call.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TrackError {
+    /// The box is not a box: a number is not finite, or a side is not positive.
+    #[error("box {x},{y},{w},{h}: expected finite numbers and a width and height above 0")]
+    BadBox {
+        /// Left edge found.
+        x: f32,
+        /// Top edge found.
+        y: f32,
+        /// Width found.
+        w: f32,
+        /// Height found.
+        h: f32,
+    },
+    /// The box does not touch the frame.
+    #[error("box {x},{y},{w},{h} lies outside the {width}x{height} frame")]
+    BoxOutside {
+        /// Left edge found.
+        x: f32,
+        /// Top edge found.
+        y: f32,
+        /// Width found.
+        w: f32,
+        /// Height found.
+        h: f32,
+        /// Frame width.
+        width: usize,
+        /// Frame height.
+        height: usize,
+    },
+    /// `update` was called before `init`.
+    #[error("the tracker has no target yet: call init before update")]
+    NoTarget,
+}
+
+/// Why a model could not be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The weights file is unreadable or wrong.
+    #[error(transparent)]
+    Weights(#[from] weights_format::ReadError),
+    /// The network of this file cannot run.
+    #[error(transparent)]
+    Architecture(#[from] weights_format::ArchitectureError),
+}
+
+/// Why frames could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// A file or folder could not be opened or read.
+    #[error("{path}: {error}")]
+    Io {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        error: std::io::Error,
+    },
+    /// A picture could not be decoded.
+    #[error("{path}: {reason}")]
+    Decode {
+        /// Which file, or `-` for standard input.
+        path: PathBuf,
+        /// What was expected and found.
+        reason: String,
+    },
+    /// Nothing to read was found.
+    #[error("{input}: {reason}")]
+    Empty {
+        /// The input as given.
+        input: String,
+        /// What was looked for.
+        reason: String,
+    },
+    /// The external decoder is missing or failed.
+    #[error("{input}: ffmpeg {reason}")]
+    Ffmpeg {
+        /// The input as given.
+        input: String,
+        /// What happened.
+        reason: String,
+    },
+    /// A stream or option does not describe frames.
+    #[error("{input}: {reason}")]
+    Format {
+        /// The input as given.
+        input: String,
+        /// What was expected and found.
+        reason: String,
+    },
+}

@@ -1,0 +1,256 @@
+//! A model: weights checked against their architecture and laid out for the kernels.
+
+use crate::config::TrackConfig;
+use crate::error::ModelError;
+use crate::net::backbone::Backbone;
+use crate::net::dr::Dr;
+use crate::net::head::Head;
+use crate::net::neck::Neck;
+use kernels::conv::{Algorithm, Conv, ConvShape};
+use kernels::{Isa, Size};
+use std::path::Path;
+use std::sync::Arc;
+use weights_format::{Architecture, EncoderPosition, Header, InputNormalisation, Layer, LayerKind, Weights};
+
+/// A model that trackers share: cloning it is cheap.
+#[derive(Clone, Debug)]
+pub struct Model {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    header: Header,
+    isa: Isa,
+    layers: Layers,
+}
+
+/// The network's convolutions, ready to run.
+#[derive(Debug)]
+pub(crate) struct Layers {
+    pub backbone: Backbone,
+    pub encoder: Dr, // before the neck
+    pub neck: Neck,
+    pub encoder_after_neck: Dr,
+    pub head: Head,
+}
+
+/// How one layer runs.
+#[derive(Clone, Debug)]
+pub struct LayerPlan {
+    /// The layer and its shapes.
+    pub layer: Layer,
+    /// The algorithm of a convolution; `None` for the others.
+    pub algorithm: Option<Algorithm>,
+}
+
+static BUILTIN: &[u8] = include_bytes!("builtin/drmim-p50.safetensors");
+
+impl Model {
+    /// The model that travels in the program.
+    pub fn builtin(isa: Isa) -> Model {
+        Model::from_bytes(BUILTIN, isa).expect("the built-in model is a valid weights file")
+    }
+
+    /// Reads a weights file.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is not a valid weights file; the message names the file and the tensor or field.
+    pub fn read(path: &Path, isa: Isa) -> Result<Model, ModelError> {
+        Model::from_weights(&Weights::read(path)?, isa)
+    }
+
+    /// Reads a weights file from memory.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn from_bytes(bytes: &[u8], isa: Isa) -> Result<Model, ModelError> {
+        Model::from_weights(&Weights::from_bytes(bytes)?, isa)
+    }
+
+    /// Lays out weights for `isa` with the algorithm that is fastest there.
+    ///
+    /// # Errors
+    /// If the weights do not fit their own architecture.
+    pub fn from_weights(weights: &Weights, isa: Isa) -> Result<Model, ModelError> {
+        Model::with_algorithm(weights, isa, Algorithm::Direct)
+    }
+
+    /// Lays out weights for `isa` and one algorithm.
+    ///
+    /// # Errors
+    /// If the weights do not fit their own architecture.
+    pub fn with_algorithm(weights: &Weights, isa: Isa, algorithm: Algorithm) -> Result<Model, ModelError> {
+        weights.check()?;
+        let layers =
+            Builder { weights, isa, algorithm, specs: weights.header.architecture.layers() }.layers();
+        Ok(Model { inner: Arc::new(Inner { header: weights.header.clone(), isa, layers }) })
+    }
+
+    /// What the weights file says about itself.
+    pub fn header(&self) -> &Header {
+        &self.inner.header
+    }
+
+    /// Widths, encoder and crop sizes.
+    pub fn architecture(&self) -> &Architecture {
+        &self.inner.header.architecture
+    }
+
+    /// The instruction set the weights are laid out for.
+    pub fn isa(&self) -> Isa {
+        self.inner.isa
+    }
+
+    /// The tracker's hyper-parameters that this model was made for.
+    pub fn config(&self) -> TrackConfig {
+        TrackConfig::from(&self.inner.header.tracker)
+    }
+
+    /// Every layer in execution order with the algorithm it runs.
+    pub fn plan(&self) -> Vec<LayerPlan> {
+        let algorithm = self.layers().backbone.conv1.algorithm();
+        let plan = |layer: Layer| LayerPlan {
+            algorithm: (layer.kind == LayerKind::Conv).then_some(algorithm),
+            layer,
+        };
+        self.architecture().layers().into_iter().map(plan).collect()
+    }
+
+    pub(crate) fn layers(&self) -> &Layers {
+        &self.inner.layers
+    }
+}
+
+/// Finds each layer's weights by name and lays them out; the weights have passed their check.
+struct Builder<'a> {
+    weights: &'a Weights,
+    isa: Isa,
+    algorithm: Algorithm,
+    specs: Vec<Layer>,
+}
+
+impl Builder<'_> {
+    fn layers(&self) -> Layers {
+        let position = self.weights.header.architecture.encoder.map(|e| e.position);
+        let encoder = |at| if position == Some(at) { self.encoder() } else { Dr::default() };
+        Layers {
+            backbone: Backbone {
+                conv1: self.first_conv(),
+                conv2: self.conv("backbone.conv2"),
+                conv3: self.conv("backbone.conv3"),
+                conv4: self.conv("backbone.conv4"),
+                conv5: self.conv("backbone.conv5"),
+            },
+            encoder: encoder(EncoderPosition::BeforeNeck),
+            neck: Neck {
+                template_cls: self.conv("neck.template_cls"),
+                template_reg: self.conv("neck.template_reg"),
+                search_cls: self.conv("neck.search_cls"),
+                search_reg: self.conv("neck.search_reg"),
+            },
+            encoder_after_neck: encoder(EncoderPosition::AfterNeck),
+            head: Head {
+                cls: ["head.cls1", "head.cls2", "head.cls3"].map(|name| self.conv(name)),
+                reg: ["head.reg1", "head.reg2", "head.reg3"].map(|name| self.conv(name)),
+                score: self.conv("head.score"),
+                centerness: self.conv("head.centerness"),
+                offsets: self.conv("head.offsets"),
+            },
+        }
+    }
+
+    /// E2's convolutions, shared or one set per branch.
+    fn encoder(&self) -> Dr {
+        let convs = |prefix: &str| -> Vec<Conv> {
+            let names = self.specs.iter().map(|s| &s.name).filter(|name| name.starts_with(prefix));
+            names.map(|name| self.conv(name)).collect()
+        };
+        let shared = convs("dr.e2.");
+        if shared.is_empty() {
+            Dr { template: convs("dr.e2_template."), search: Some(convs("dr.e2_search.")) }
+        } else {
+            Dr { template: shared, search: None }
+        }
+    }
+
+    fn conv(&self, name: &str) -> Conv {
+        let (shape, weight, bias) = self.parts(name);
+        Conv::new(self.isa, self.algorithm, shape, weight, bias)
+    }
+
+    /// conv1 with the input normalisation folded in; exact, because it has no padding.
+    fn first_conv(&self) -> Conv {
+        let (shape, weight, bias) = self.parts("backbone.conv1");
+        let (weight, bias) = fold_normalisation(&self.weights.header.input, weight, bias);
+        Conv::new(self.isa, self.algorithm, shape, &weight, &bias)
+    }
+
+    fn parts(&self, name: &str) -> (ConvShape, &[f32], &[f32]) {
+        let layer = self.specs.iter().find(|s| s.name == name).expect("every architecture has this layer");
+        let tensor = |suffix: &str| {
+            let tensor = self.weights.tensor(&format!("{name}.{suffix}"));
+            &tensor.expect("checked weights have every tensor").data[..]
+        };
+        let shape = ConvShape {
+            in_channels: layer.in_channels,
+            out_channels: layer.out_channels,
+            kernel: layer.kernel,
+            stride: layer.stride,
+            pad: layer.pad,
+            relu: layer.relu,
+        };
+        (shape, tensor("weight"), tensor("bias"))
+    }
+}
+
+/// Weights and bias that give on pixels what the given ones (`[Cout, k, k, 3]`, `[Cout]`) give on
+/// `(pixel - mean) / std`.
+fn fold_normalisation(input: &InputNormalisation, weight: &[f32], bias: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    let mut folded = weight.to_vec();
+    let mut shifted = bias.to_vec();
+    for (weights, bias) in folded.chunks_exact_mut(weight.len() / bias.len()).zip(&mut shifted) {
+        let mut shift = 0.0;
+        for pixel in weights.chunks_exact_mut(3) {
+            for (channel, weight) in pixel.iter_mut().enumerate() {
+                let scaled = f64::from(*weight) / f64::from(input.std[channel]);
+                shift += scaled * f64::from(input.mean[channel]);
+                *weight = scaled as f32;
+            }
+        }
+        *bias = (f64::from(*bias) - shift) as f32;
+    }
+    (folded, shifted)
+}
+
+impl LayerPlan {
+    /// Operations (two per multiply-accumulate) per second if the layer takes `seconds` on a search crop.
+    pub fn flops(&self, seconds: f64) -> f64 {
+        2.0 * self.layer.macs_search() as f64 / seconds
+    }
+
+    /// Size of the search branch's output map.
+    pub fn out_size(&self) -> Size {
+        Size::square(self.layer.out_search)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normalisation_folds_exactly() {
+        let input =
+            InputNormalisation { mean: [114.0, 10.0, 0.0], std: [58.0, 2.0, 1.0], ..Default::default() };
+        let weight = [0.5, -1.0, 2.0, 0.25, 3.0, -0.125]; // one output, a 1x2 kernel
+        let (folded, bias) = fold_normalisation(&input, &weight, &[0.75]);
+        let pixels = [200.0, 3.0, 255.0, 17.0, 90.0, 1.0];
+        let dot =
+            |w: &[f32], x: &dyn Fn(usize) -> f64| -> f64 { (0..6).map(|i| f64::from(w[i]) * x(i)).sum() };
+        let normalised = |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
+        let expected = 0.75 + dot(&weight, &normalised);
+        let found = f64::from(bias[0]) + dot(&folded, &|i| pixels[i]);
+        assert!((found - expected).abs() < 1e-4, "{found}, expected {expected}");
+    }
+}

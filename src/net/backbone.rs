@@ -1,0 +1,39 @@
+//! The backbone: AlexNet without padding. `[127, 127, 3] -> [6, 6, C]`, `[303, 303, 3] -> [28, 28, C]`.
+
+use crate::scratch::{Context, Map};
+use kernels::conv::Conv;
+use kernels::par::Threads;
+
+#[derive(Debug)]
+pub(crate) struct Backbone {
+    pub conv1: Conv,
+    pub conv2: Conv,
+    pub conv3: Conv,
+    pub conv4: Conv,
+    pub conv5: Conv,
+}
+
+/// What each layer leaves behind; sides for a search crop of 303.
+#[derive(Debug, Default)]
+pub(crate) struct BackboneMaps {
+    pub crop: Map,  // [303, 303, 3]
+    pub conv1: Map, // [147, 147, C1]
+    pub pool1: Map, // [73, 73, C1]
+    pub conv2: Map, // [69, 69, C2]
+    pub pool2: Map, // [34, 34, C2]
+    pub conv3: Map, // [32, 32, C3]
+    pub conv4: Map, // [30, 30, C4]
+    pub conv5: Map, // [28, 28, C5]
+}
+
+impl Backbone {
+    pub(crate) fn run(&self, context: &mut Context, threads: &Threads, maps: &mut BackboneMaps) {
+        context.conv(threads, &self.conv1, &maps.crop, &mut maps.conv1);
+        context.max_pool(threads, &maps.conv1, &mut maps.pool1);
+        context.conv(threads, &self.conv2, &maps.pool1, &mut maps.conv2);
+        context.max_pool(threads, &maps.conv2, &mut maps.pool2);
+        context.conv(threads, &self.conv3, &maps.pool2, &mut maps.conv3);
+        context.conv(threads, &self.conv4, &maps.conv3, &mut maps.conv4);
+        context.conv(threads, &self.conv5, &maps.conv4, &mut maps.conv5);
+    }
+}

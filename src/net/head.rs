@@ -1,0 +1,63 @@
+//! The head: a tower of three 3x3 convolutions per task, then 1x1 outputs. `2 x [23, 23, N] -> [17, 17, 1 + 1 + 4]`.
+
+use super::Outputs;
+use crate::net::neck::NeckMaps;
+use crate::scratch::{Context, Map};
+use kernels::conv::Conv;
+use kernels::par::Threads;
+use kernels::pointwise::{scaled_exp, sigmoid};
+use weights_format::Architecture;
+
+#[derive(Debug)]
+pub(crate) struct Head {
+    pub cls: [Conv; 3],
+    pub reg: [Conv; 3],
+    pub score: Conv,
+    pub centerness: Conv,
+    pub offsets: Conv,
+}
+
+/// What each layer leaves behind; the last three are logits.
+#[derive(Debug, Default)]
+pub(crate) struct HeadMaps {
+    pub cls: [Map; 3],   // sides 21, 19, 17
+    pub reg: [Map; 3],   // likewise
+    pub score: Map,      // [17, 17, 1]
+    pub centerness: Map, // [17, 17, 1]
+    pub offsets: Map,    // [17, 17, 4]
+}
+
+impl Head {
+    pub(crate) fn run(
+        &self,
+        context: &mut Context,
+        threads: &Threads,
+        response: &NeckMaps,
+        maps: &mut HeadMaps,
+        outputs: &mut Outputs,
+    ) {
+        tower(&self.cls, context, threads, &response.cls, &mut maps.cls);
+        tower(&self.reg, context, threads, &response.reg, &mut maps.reg);
+        context.conv(threads, &self.score, &maps.cls[2], &mut maps.score);
+        context.conv(threads, &self.centerness, &maps.cls[2], &mut maps.centerness);
+        context.conv(threads, &self.offsets, &maps.reg[2], &mut maps.offsets);
+
+        outputs.ltrb.copy_from_slice(maps.offsets.values());
+        scaled_exp(&mut outputs.ltrb, Architecture::TOTAL_STRIDE as f32);
+        outputs.score.copy_from_slice(maps.score.values());
+        sigmoid(&mut outputs.score);
+        let centerness = maps.centerness.values();
+        for (score, logit) in outputs.score.iter_mut().zip(centerness) {
+            let mut centerness = [*logit];
+            sigmoid(&mut centerness);
+            *score *= centerness[0];
+        }
+    }
+}
+
+fn tower(convs: &[Conv; 3], context: &mut Context, threads: &Threads, response: &Map, maps: &mut [Map; 3]) {
+    let [a, b, c] = maps;
+    context.conv(threads, &convs[0], response, a);
+    context.conv(threads, &convs[1], a, b);
+    context.conv(threads, &convs[2], b, c);
+}

@@ -1,0 +1,132 @@
+//! The forward pass, written out: template crop -> [`TemplateFeatures`], search crop -> [`Outputs`].
+//!
+//! ```text
+//! template crop -> backbone -> dr (E2) -> neck -> TemplateFeatures        once per target
+//! search crop   -> backbone -> dr (E2) -> neck -> xcorr -> head -> Outputs   once per frame
+//! ```
+//!
+//! Source: paper section III, spec sections 1.2, 1.3, 1.6, 1.7.
+
+pub(crate) mod backbone;
+pub(crate) mod dr;
+pub(crate) mod head;
+pub(crate) mod neck;
+
+use crate::model::Model;
+use crate::scratch::{Map, Scratch};
+use crate::stages::{Lap, Stages};
+use kernels::par::Threads;
+
+/// The template's neck features, computed once per target and correlated with every search region.
+#[derive(Clone, Debug, Default)]
+pub struct TemplateFeatures {
+    /// For classification: 4x4 for the standard template.
+    pub cls: Map,
+    /// For regression.
+    pub reg: Map,
+}
+
+/// What the network says about every cell of the score map, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outputs {
+    /// Classification score times centerness, in `[0, 1]`: `[cells]`.
+    pub score: Vec<f32>,
+    /// Distances from the cell's centre to the box's left, top, right and bottom edge in crop pixels: `[cells, 4]`.
+    pub ltrb: Vec<f32>,
+}
+
+/// The network of one model with its buffers and threads, ready to run.
+#[derive(Debug)]
+pub struct Network {
+    model: Model,
+    threads: Threads,
+    scratch: Scratch,
+    template: TemplateFeatures,
+    outputs: Outputs,
+}
+
+impl Network {
+    /// A network without a template; `threads` as [`Threads::new`] takes it.
+    pub fn new(model: Model, threads: usize) -> Network {
+        let threads = Threads::new(threads);
+        let cells = model.architecture().score_size().pow(2);
+        let outputs = Outputs { score: vec![0.0; cells], ltrb: vec![0.0; 4 * cells] };
+        let scratch = Scratch::new(model.isa());
+        Network { model, threads, scratch, template: TemplateFeatures::default(), outputs }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The threads that the kernels run on.
+    pub fn threads(&self) -> &Threads {
+        &self.threads
+    }
+
+    /// Every intermediate map of the last pass, by the layer's name: for tests and diagnosis.
+    pub fn maps(&self) -> impl Iterator<Item = (&'static str, &Map)> {
+        let template = [("neck.template_cls", &self.template.cls), ("neck.template_reg", &self.template.reg)];
+        self.scratch.maps().chain(template)
+    }
+
+    /// Computes and keeps the features of a template crop (`[size, size, 3]`, BGR).
+    ///
+    /// Panics if the crop has not the model's size.
+    pub fn set_template(&mut self, crop: &[u8]) {
+        let Network { model, threads, scratch, template, .. } = self;
+        threads.enter(|| {
+            let layers = model.layers();
+            scratch.set_crop(crop, model.architecture().template_size);
+            let Scratch { context, backbone, encoded, encoded_neck, neck, .. } = scratch;
+            layers.backbone.run(context, threads, backbone);
+            let features = layers.encoder.template(context, threads, &backbone.conv5, encoded);
+            layers.neck.template(context, threads, features, neck);
+            let [cls, reg] = encoded_neck;
+            template.cls = layers.encoder_after_neck.template(context, threads, &neck.cls, cls).clone();
+            template.reg = layers.encoder_after_neck.template(context, threads, &neck.reg, reg).clone();
+        });
+    }
+
+    /// Runs a search crop (`[size, size, 3]`, BGR) against the template features.
+    ///
+    /// Panics if the crop has not the model's size or no template was set.
+    pub fn search(&mut self, crop: &[u8]) -> &Outputs {
+        self.search_timed(crop, &mut Stages::default())
+    }
+
+    /// As [`search`](Self::search), noting the time of every stage.
+    pub(crate) fn search_timed(&mut self, crop: &[u8], stages: &mut Stages) -> &Outputs {
+        let Network { model, threads, scratch, template, outputs } = self;
+        assert!(template.cls.channels() > 0, "search needs template features: call set_template first");
+        threads.enter(|| {
+            let mut lap = Lap::start();
+            let layers = model.layers();
+            scratch.set_crop(crop, model.architecture().search_size);
+            let Scratch { context, backbone, encoded, encoded_neck, neck, response, head } = scratch;
+
+            layers.backbone.run(context, threads, backbone);
+            stages.backbone = lap.lap();
+
+            let features = layers.encoder.search(context, threads, &backbone.conv5, encoded);
+            stages.dr = lap.lap();
+
+            layers.neck.search(context, threads, features, neck);
+            stages.neck = lap.lap();
+
+            let [cls, reg] = encoded_neck;
+            let cls = layers.encoder_after_neck.search(context, threads, &neck.cls, cls);
+            let reg = layers.encoder_after_neck.search(context, threads, &neck.reg, reg);
+            stages.dr += lap.lap();
+
+            context.xcorr(threads, cls, &template.cls, &mut response.cls);
+            context.xcorr(threads, reg, &template.reg, &mut response.reg);
+            stages.xcorr = lap.lap();
+
+            layers.head.run(context, threads, response, head, outputs);
+            stages.head = lap.lap();
+        });
+        &self.outputs
+    }
+}

@@ -1,0 +1,177 @@
+//! From score map and offsets to one box: penalty, window, best cell, size smoothing (spec sections 2.4 to 2.6).
+
+use crate::bbox::CenterBox;
+use crate::config::TrackConfig;
+use crate::net::Outputs;
+use weights_format::Architecture;
+
+/// What does not change from frame to frame: the cells' centres and the cosine window.
+#[derive(Clone, Debug)]
+pub(crate) struct Selector {
+    offset: f64,      // crop pixel of the first cell's centre
+    hann: Vec<f64>,   // [score_size], 0 at both ends
+    crop_middle: f64, // crop pixel of the search crop's middle
+}
+
+/// The chosen cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Choice {
+    /// Row-major index of the cell.
+    pub index: usize,
+    /// Its box in crop pixels.
+    pub bbox: CenterBox,
+    /// Score times centerness.
+    pub score: f64,
+    /// How little size and aspect changed, in `(0, 1]`.
+    pub penalty: f64,
+    /// Penalized score blended with the window: what was maximised.
+    pub penalized_score: f64,
+}
+
+impl Selector {
+    pub(crate) fn new(architecture: &Architecture) -> Selector {
+        let n = architecture.score_size();
+        let hann =
+            |i: usize| 0.5 - 0.5 * (2.0 * std::f64::consts::PI * i as f64 / (n - 1).max(1) as f64).cos();
+        Selector {
+            offset: architecture.score_offset() as f64,
+            hann: if n == 1 { vec![1.0] } else { (0..n).map(hann).collect() },
+            crop_middle: (architecture.search_size / 2) as f64,
+        }
+    }
+
+    /// The cell with the highest windowed score for a target that was `w` x `h` crop pixels, the first one on a tie.
+    ///
+    /// Cells whose numbers are not finite are passed over; `None` if that leaves no cell.
+    pub(crate) fn choose(&self, outputs: &Outputs, w: f64, h: f64, config: &TrackConfig) -> Option<Choice> {
+        let n = self.hann.len();
+        let mut best: Option<Choice> = None;
+        for (index, (score, ltrb)) in outputs.score.iter().zip(outputs.ltrb.chunks_exact(4)).enumerate() {
+            let (row, column) = (index / n, index % n);
+            let bbox = self.decode(row, column, ltrb);
+            let penalty = penalty(bbox.w.into(), bbox.h.into(), w, h, config.penalty_k);
+            let score = f64::from(*score);
+            let window = self.hann[row] * self.hann[column];
+            let penalized_score =
+                penalty * score * (1.0 - config.window_influence) + config.window_influence * window;
+            let finite = penalized_score.is_finite() && bbox.w.is_finite() && bbox.h.is_finite();
+            if finite && best.is_none_or(|b| penalized_score > b.penalized_score) {
+                best = Some(Choice { index, bbox, score, penalty, penalized_score });
+            }
+        }
+        best
+    }
+
+    /// The box of one cell in crop pixels from its four offsets; its width counts both end pixels.
+    fn decode(&self, row: usize, column: usize, ltrb: &[f32]) -> CenterBox {
+        let stride = Architecture::TOTAL_STRIDE as f64;
+        let (px, py) = (self.offset + stride * column as f64, self.offset + stride * row as f64);
+        let [l, t, r, b] = [0, 1, 2, 3].map(|i| f64::from(ltrb[i]));
+        CenterBox {
+            cx: (px + (r - l) / 2.0) as f32,
+            cy: (py + (b - t) / 2.0) as f32,
+            w: (l + r + 1.0) as f32,
+            h: (t + b + 1.0) as f32,
+        }
+    }
+
+    /// The target's new box in frame pixels: the choice's position, and its size as far as it can be trusted.
+    pub(crate) fn smooth(
+        &self,
+        choice: &Choice,
+        target: &CenterBox,
+        scale: f64,
+        config: &TrackConfig,
+    ) -> CenterBox {
+        let size_lr = choice.penalty * choice.score * config.size_lr;
+        let position = |previous: f32, new: f32| {
+            (f64::from(previous) + (f64::from(new) - self.crop_middle) / scale) as f32
+        };
+        let size = |previous: f32, new: f32| {
+            (f64::from(previous) * (1.0 - size_lr) + f64::from(new) / scale * size_lr) as f32
+        };
+        CenterBox {
+            cx: position(target.cx, choice.bbox.cx),
+            cy: position(target.cy, choice.bbox.cy),
+            w: size(target.w, choice.bbox.w),
+            h: size(target.h, choice.bbox.h),
+        }
+    }
+}
+
+/// `exp(-(size change * aspect change - 1) * k)` of a `w` x `h` box against the previous `tw` x `th`.
+fn penalty(w: f64, h: f64, tw: f64, th: f64, k: f64) -> f64 {
+    let change = |ratio: f64| ratio.max(1.0 / ratio);
+    let size = |w: f64, h: f64| {
+        let context = (w + h) / 2.0;
+        ((w + context) * (h + context)).sqrt()
+    };
+    let size_change = change(size(w, h) / size(tw, th));
+    let aspect_change = change((tw / th) / (w / h));
+    (-(aspect_change * size_change - 1.0) * k).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weights_format::Widths;
+
+    fn selector() -> Selector {
+        Selector::new(&Architecture::new(Widths::FULL, None))
+    }
+
+    /// Outputs of score 0 everywhere, offsets `ltrb` everywhere.
+    fn outputs(ltrb: [f32; 4]) -> Outputs {
+        Outputs { score: vec![0.0; 289], ltrb: ltrb.repeat(289) }
+    }
+
+    #[test]
+    fn worked_values_of_the_spec() {
+        // spec sections 2.5 and 2.6: target 40 x 80, box 50 x 80 in the crop, score 0.6
+        let scale = crate::crop::scale(40.0, 80.0, 0.5, 127);
+        let (config, selector) = (TrackConfig::default(), selector());
+        let penalty = penalty(50.0, 80.0, 40.0 * scale, 80.0 * scale, config.penalty_k);
+        assert!((penalty - 0.9854368).abs() < 1e-7, "{penalty}");
+        let mut outputs = outputs([24.5, 39.5, 24.5, 39.5]);
+        outputs.score[8 * 17 + 8] = 0.6;
+        let choice = selector.choose(&outputs, 40.0 * scale, 80.0 * scale, &config).unwrap();
+        assert_eq!(choice.index, 8 * 17 + 8);
+        assert!((choice.penalized_score - 0.6858981).abs() < 1e-7, "{choice:?}");
+        let target = CenterBox { cx: 119.5, cy: 89.5, w: 40.0, h: 80.0 };
+        let new = selector.smooth(&choice, &target, scale, &config);
+        assert!((new.w - 42.0434).abs() < 1e-4 && (new.h - 78.3032).abs() < 1e-4, "{new:?}");
+        assert_eq!((new.cx, new.cy), (119.5, 89.5));
+    }
+
+    #[test]
+    fn cells_decode_where_they_lie() {
+        let s = selector();
+        let first = s.decode(0, 0, &[10.0, 20.0, 30.0, 40.0]);
+        assert_eq!(first, CenterBox { cx: 97.0, cy: 97.0, w: 41.0, h: 61.0 });
+        let last = s.decode(16, 16, &[0.0; 4]);
+        assert_eq!((last.cx, last.cy, last.w), (215.0, 215.0, 1.0));
+    }
+
+    #[test]
+    fn window_ends_are_zero_and_ties_go_to_the_first() {
+        let s = selector();
+        assert_eq!((s.hann[0], s.hann[8]), (0.0, 1.0));
+        assert!(s.hann[16].abs() < 1e-15);
+        let mut o = outputs([10.0; 4]);
+        o.score[5] = 1.0;
+        o.score[3] = 1.0;
+        let config = TrackConfig { window_influence: 0.0, ..TrackConfig::default() };
+        assert_eq!(s.choose(&o, 21.0, 21.0, &config).unwrap().index, 3);
+    }
+
+    #[test]
+    fn cells_that_are_not_finite_are_passed_over() {
+        let (s, config) = (selector(), TrackConfig::default());
+        let mut o = outputs([10.0; 4]);
+        o.ltrb[4 * 144] = f32::NAN; // the middle cell, which the window prefers
+        o.score[143] = f32::INFINITY;
+        let choice = s.choose(&o, 21.0, 21.0, &config).unwrap();
+        assert!(choice.index != 144 && choice.index != 143 && choice.penalized_score.is_finite());
+        assert_eq!(s.choose(&outputs([f32::INFINITY; 4]), 21.0, 21.0, &config), None);
+    }
+}

@@ -1,0 +1,156 @@
+//! The tracker: start reading here. [`Tracker::update`] tells the whole story.
+
+use crate::bbox::{BBox, CenterBox};
+use crate::config::TrackConfig;
+use crate::crop::{self, Cropper, Region};
+use crate::error::TrackError;
+use crate::frame::Frame;
+use crate::model::Model;
+use crate::net::Network;
+use crate::select::Selector;
+use crate::stages::{Lap, Stages};
+
+/// Follows one object from frame to frame.
+///
+/// Several trackers may share one [`Model`]; each has its own target, buffers and threads.
+#[derive(Debug)]
+pub struct Tracker {
+    config: TrackConfig,
+    network: Network,
+    selector: Selector,
+    cropper: Cropper,
+    crop: Vec<u8>,
+    target: Option<Target>,
+    stages: Stages,
+}
+
+/// How a tracker is to run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackerOptions {
+    /// Threads that one frame is spread over.
+    pub threads: usize,
+    /// Hyper-parameters.
+    pub config: TrackConfig,
+}
+
+/// Where the target is in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Track {
+    /// The target's box in frame pixels. It may reach beyond the frame's edge.
+    pub bbox: BBox,
+    /// Classification score times centerness of the chosen cell, in `[0, 1]`; 0 if the network gave no usable number
+    /// and the box is the previous one.
+    pub score: f32,
+    /// The same after penalty and window: what the choice maximised, and what video_analyst reports.
+    pub penalized_score: f32,
+}
+
+/// What is remembered of the target.
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    bbox: CenterBox,
+    border: [u8; 3], // mean colour of the first frame, BGR
+}
+
+impl Tracker {
+    /// A tracker on one thread, with the hyper-parameters that the model was made for.
+    pub fn new(model: Model) -> Tracker {
+        let config = model.config();
+        Tracker::with_options(model, TrackerOptions { threads: 1, config })
+    }
+
+    /// A tracker with other options.
+    pub fn with_options(model: Model, options: TrackerOptions) -> Tracker {
+        Tracker {
+            config: options.config,
+            selector: Selector::new(model.architecture()),
+            network: Network::new(model, options.threads),
+            cropper: Cropper::default(),
+            crop: Vec::new(),
+            target: None,
+            stages: Stages::default(),
+        }
+    }
+
+    /// Takes the object within `bbox` as the target, forgetting any earlier one.
+    ///
+    /// # Errors
+    /// If a number of the box is not finite, its width or height is not above 0, or it does not touch the frame. The
+    /// earlier target is then kept.
+    pub fn init(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<(), TrackError> {
+        let BBox { x, y, w, h } = bbox;
+        if !bbox.is_finite() || w <= 0.0 || h <= 0.0 {
+            return Err(TrackError::BadBox { x, y, w, h });
+        }
+        let (width, height) = (frame.width(), frame.height());
+        if x >= width as f32 || y >= height as f32 || x + w <= 0.0 || y + h <= 0.0 {
+            return Err(TrackError::BoxOutside { x, y, w, h, width, height });
+        }
+        let target = Target { bbox: bbox.center(), border: frame.mean_bgr() };
+        self.cut(frame, &target, self.network.model().architecture().template_size);
+        self.network.set_template(&self.crop);
+        self.target = Some(target);
+        Ok(())
+    }
+
+    /// Finds the target in the next frame, near where it was.
+    ///
+    /// The frame may have another size than those before.
+    ///
+    /// # Errors
+    /// If there is no target yet.
+    pub fn update(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
+        let mut target = self.target.ok_or(TrackError::NoTarget)?;
+        let mut lap = Lap::start();
+        let scale = self.cut(frame, &target, self.network.model().architecture().search_size);
+        self.stages.crop = lap.lap();
+
+        let outputs = self.network.search_timed(&self.crop, &mut self.stages);
+        lap.lap();
+
+        let (w, h) = (f64::from(target.bbox.w) * scale, f64::from(target.bbox.h) * scale);
+        let choice = self.selector.choose(outputs, w, h, &self.config);
+        if let Some(choice) = &choice {
+            target.bbox = self.selector.smooth(choice, &target.bbox, scale, &self.config);
+        }
+        target.bbox = target.bbox.clamped(frame.width(), frame.height(), self.config.min_size);
+        self.target = Some(target);
+        self.stages.select = lap.lap();
+
+        let (score, penalized_score) =
+            choice.map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
+        Ok(Track { bbox: target.bbox.corner(), score, penalized_score })
+    }
+
+    /// Cuts the crop of `side` pixels around the target and returns its scale in crop pixels per frame pixel.
+    fn cut(&mut self, frame: &Frame<'_>, target: &Target, side: usize) -> f64 {
+        let template_size = self.network.model().architecture().template_size;
+        let (w, h) = (f64::from(target.bbox.w), f64::from(target.bbox.h));
+        let scale = crop::scale(w, h, self.config.context_amount, template_size);
+        let region = Region::around(&target.bbox, scale, side);
+        self.crop.resize(side * side * 3, 0);
+        let (cropper, out, threads) = (&mut self.cropper, &mut self.crop, self.network.threads());
+        threads.enter(|| cropper.cut(threads, frame, &region, target.border, out));
+        scale
+    }
+
+    /// Time per stage of the last [`update`](Self::update).
+    pub fn stages(&self) -> &Stages {
+        &self.stages
+    }
+
+    /// The crop that was cut last, `[side, side, 3]`, BGR: for looking at what the network sees.
+    pub fn last_crop(&self) -> &[u8] {
+        &self.crop
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        self.network.model()
+    }
+
+    /// Threads that one frame is spread over.
+    pub fn threads(&self) -> usize {
+        self.network.threads().count()
+    }
+}

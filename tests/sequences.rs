@@ -1,0 +1,122 @@
+//! Real sequences: the boxes of the reference implementation, and the accuracy of the built-in model.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker, TrackerOptions};
+
+/// Lines of four or more numbers.
+fn read_boxes(path: &Path) -> Vec<BBox> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let parse = |line: &str| {
+        let v: Vec<f32> = line.split([',', '\t', ' ']).map(|n| n.trim().parse().unwrap()).collect();
+        BBox::new(v[0], v[1], v[2], v[3])
+    };
+    text.lines().filter(|line| !line.trim().is_empty()).map(parse).collect()
+}
+
+fn frames(sequence: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(sequence.join("img")).unwrap();
+    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    paths
+}
+
+/// Tracks the first `count` frames from `init` on.
+fn track(model: &Model, sequence: &Path, init: BBox, count: usize) -> Vec<BBox> {
+    let options = TrackerOptions { threads: 2, config: model.config() };
+    let mut tracker = Tracker::with_options(model.clone(), options);
+    let mut boxes = Vec::new();
+    for path in frames(sequence).iter().take(count) {
+        let image = image::open(path).unwrap().to_rgb8();
+        let (w, h) = (image.width() as usize, image.height() as usize);
+        let frame = Frame::new(image.as_raw(), w, h, ChannelOrder::Rgb).unwrap();
+        boxes.push(if boxes.is_empty() {
+            tracker.init(&frame, init).unwrap();
+            init
+        } else {
+            tracker.update(&frame).unwrap().bbox
+        });
+    }
+    boxes
+}
+
+#[test]
+fn boxes_of_the_reference_implementation() {
+    let (Some(sequences), Some(checkpoint)) =
+        (common::shared("data/dev_seqs"), common::shared("checkpoints/drmim_p50_probe.pth"))
+    else {
+        return;
+    };
+    let weights = converter::convert(&checkpoint, &Default::default()).unwrap().weights;
+    let model = Model::from_weights(&weights, Isa::detect()).unwrap();
+    for name in
+        ["DTB70/Gull2", "OTB100/Crossing", "UAV123_10fps/boat1", "UAV123_10fps/group1_2", "UAVDT/S0601"]
+    {
+        let Some(golden) = common::shared(&format!("golden/{}.boxes.txt", name.replace('/', "__"))) else {
+            return;
+        };
+        let reference = read_boxes(&golden);
+        let ours = track(&model, &sequences.join(name), reference[0], reference.len());
+        assert_eq!(ours.len(), reference.len(), "{name}");
+        let mean = ours.iter().zip(&reference).map(|(a, b)| a.iou(b)).sum::<f32>() / ours.len() as f32;
+        println!("{name}: mean IoU with the reference {mean:.4} over {} frames", ours.len());
+        assert!(mean >= 0.97, "{name}: mean IoU with the reference is {mean}");
+    }
+}
+
+/// Precision at 20 px and success AUC by the got10k rule, centres in original pixels (spec section 4.2).
+fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> (f32, f32) {
+    let valid: Vec<_> =
+        boxes.iter().zip(annotations).filter(|(_, a)| a.is_finite() && a.area() > 0.0).collect();
+    let share = |hits: usize| hits as f32 / valid.len() as f32;
+    let precision = share(valid.iter().filter(|(b, a)| b.center_distance(a) / scale <= 20.0).count());
+    let success = |i: usize| share(valid.iter().filter(|(b, a)| b.iou(a) > i as f32 * 0.05).count());
+    (precision, (0..21).map(success).sum::<f32>() / 21.0)
+}
+
+#[test]
+fn accuracy_of_the_built_in_model() {
+    let Some(root) = common::shared("data/dev_seqs") else { return };
+    let model = Model::builtin(Isa::detect());
+    let (mut all, mut clean) = (Vec::new(), Vec::new());
+    let folders = |path: &Path| -> Vec<PathBuf> {
+        let mut list: Vec<_> = std::fs::read_dir(path).unwrap().map(|e| e.unwrap().path()).collect();
+        list.retain(|p| p.is_dir());
+        list.sort();
+        list
+    };
+    for sequence in folders(&root).iter().flat_map(|set| folders(set)) {
+        let meta = std::fs::read(sequence.join("meta.json")).unwrap();
+        let meta: serde_json::Value = serde_json::from_slice(&meta).unwrap();
+        let annotations = read_boxes(&sequence.join("groundtruth_rect.txt"));
+        let boxes = track(&model, &sequence, annotations[0], annotations.len());
+        let result = score(&boxes, &annotations, meta["scale"].as_f64().unwrap() as f32);
+        println!(
+            "{:32} {:6.1} {:6.1}",
+            sequence.strip_prefix(&root).unwrap().display(),
+            result.0 * 100.0,
+            result.1 * 100.0
+        );
+        all.push(result);
+        if !meta["in_train"].as_bool().unwrap() {
+            clean.push(result);
+        }
+    }
+    let mean = |results: &[(f32, f32)]| {
+        let n = results.len() as f32;
+        (
+            100.0 * results.iter().map(|r| r.0).sum::<f32>() / n,
+            100.0 * results.iter().map(|r| r.1).sum::<f32>() / n,
+        )
+    };
+    let (all, clean) = (mean(&all), mean(&clean));
+    println!(
+        "precision@20 / AUC: all {:.1} / {:.1}, dev-clean {:.1} / {:.1}",
+        all.0, all.1, clean.0, clean.1
+    );
+    // Figures of the built-in model's checkpoint, measured by an independent tracker.
+    for (found, expected) in [(all.0, 94.1), (all.1, 67.8), (clean.0, 92.1), (clean.1, 63.5)] {
+        assert!(found >= expected - 1.5, "found {found:.1}, expected at least {expected} - 1.5");
+    }
+}
