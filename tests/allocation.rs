@@ -1,0 +1,23 @@
+//! `update` allocates nothing after its first call.
+
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
+
+#[test]
+fn update_allocates_nothing_after_its_first_call() {
+    let data: Vec<u8> = (0..320 * 240 * 3).map(|i| (i * 7 % 251) as u8).collect();
+    let frame = Frame::new(&data, 320, 240, ChannelOrder::Rgb).unwrap();
+    for isa in Isa::available() {
+        let mut tracker = Tracker::new(Model::builtin(isa));
+        tracker.init(&frame, BBox::new(100.0, 80.0, 40.0, 30.0)).unwrap();
+        let first = allocation_counter::measure(|| {
+            tracker.update(&frame).unwrap();
+        });
+        assert!(first.count_total > 0, "the counter counts");
+        let later = allocation_counter::measure(|| {
+            for _ in 0..5 {
+                tracker.update(&frame).unwrap();
+            }
+        });
+        assert_eq!(later.count_total, 0, "allocations on {isa}");
+    }
+}

@@ -1,0 +1,235 @@
+//! The tracker's behaviour through its public face, on rendered frames.
+
+use track_cpu::error::TrackError;
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Track, Tracker, TrackerOptions};
+
+/// A frame of stripes with a bright cross whose middle is at (`cx`, `cy`).
+fn scene(width: usize, height: usize, cx: i64, cy: i64) -> Vec<u8> {
+    let mut rgb = Vec::with_capacity(width * height * 3);
+    for y in 0..height as i64 {
+        for x in 0..width as i64 {
+            let (dx, dy) = ((x - cx).abs(), (y - cy).abs());
+            let cross = (dx < 20 && dy < 6) || (dx < 6 && dy < 14);
+            let ground = [70 + (x % 13) as u8, 90 + ((x + 2 * y) % 17) as u8, 60 + (y % 11) as u8];
+            rgb.extend(if cross { [230, 60, 40] } else { ground });
+        }
+    }
+    rgb
+}
+
+fn rgb(data: &[u8], width: usize, height: usize) -> Frame<'_> {
+    Frame::new(data, width, height, ChannelOrder::Rgb).unwrap()
+}
+
+fn cross_box(cx: i64, cy: i64) -> BBox {
+    BBox::new((cx - 19) as f32, (cy - 13) as f32, 39.0, 27.0)
+}
+
+fn tracker(threads: usize) -> Tracker {
+    let model = Model::builtin(Isa::detect());
+    let config = model.config();
+    Tracker::with_options(model, TrackerOptions { threads, config })
+}
+
+fn path(i: i64) -> (i64, i64) {
+    (120 + 7 * i, 90 + 3 * i)
+}
+
+fn follow(tracker: &mut Tracker, frames: i64) -> Vec<Track> {
+    let (cx, cy) = path(0);
+    tracker.init(&rgb(&scene(320, 240, cx, cy), 320, 240), cross_box(cx, cy)).unwrap();
+    let step = |i| {
+        let (cx, cy) = path(i);
+        tracker.update(&rgb(&scene(320, 240, cx, cy), 320, 240)).unwrap()
+    };
+    (1..frames).map(step).collect()
+}
+
+#[test]
+fn follows_a_moving_target() {
+    for (i, track) in follow(&mut tracker(1), 15).iter().enumerate() {
+        let (cx, cy) = path(i as i64 + 1);
+        let iou = track.bbox.iou(&cross_box(cx, cy));
+        assert!(iou > 0.5, "frame {}: {track:?}, IoU {iou}", i + 1);
+        assert!(track.score > 0.2 && track.score <= 1.0, "{track:?}");
+    }
+}
+
+#[test]
+fn same_bits_with_any_number_of_threads_and_every_time() {
+    let once = follow(&mut tracker(1), 6);
+    for threads in [1, 2, 5] {
+        assert_eq!(follow(&mut tracker(threads), 6), once, "{threads} threads");
+    }
+}
+
+#[test]
+fn every_isa_gives_the_same_boxes() {
+    let best = follow(&mut tracker(1), 6);
+    for isa in Isa::available() {
+        let boxes = follow(&mut Tracker::new(Model::builtin(isa)), 6);
+        for (a, b) in boxes.iter().zip(&best) {
+            assert!(a.bbox.iou(&b.bbox) > 0.999, "{isa}: {a:?}, expected {b:?}");
+        }
+    }
+}
+
+#[test]
+fn init_again_forgets_the_past() {
+    let mut used = tracker(1);
+    follow(&mut used, 4);
+    assert_eq!(follow(&mut used, 4), follow(&mut tracker(1), 4));
+}
+
+#[test]
+fn a_refused_init_keeps_the_target() {
+    let mut a = tracker(1);
+    follow(&mut a, 3);
+    let frame = scene(320, 240, 141, 99);
+    let refused = a.init(&rgb(&frame, 320, 240), BBox::new(f32::NAN, 0.0, 1.0, 1.0));
+    assert!(matches!(refused, Err(TrackError::BadBox { .. })));
+    let mut b = tracker(1);
+    follow(&mut b, 3);
+    assert_eq!(a.update(&rgb(&frame, 320, 240)), b.update(&rgb(&frame, 320, 240)));
+}
+
+#[test]
+fn update_needs_a_target() {
+    let data = scene(64, 48, 30, 20);
+    assert_eq!(tracker(1).update(&rgb(&data, 64, 48)), Err(TrackError::NoTarget));
+}
+
+#[test]
+fn trackers_share_a_model_without_disturbing_each_other() {
+    let model = Model::builtin(Isa::detect());
+    let (mut a, mut b) = (Tracker::new(model.clone()), Tracker::new(model));
+    let frame = |i: i64| {
+        let mut data = scene(320, 240, 80 + 4 * i, 60);
+        let other = scene(320, 240, 240 - 4 * i, 170);
+        data[120 * 320 * 3..].copy_from_slice(&other[120 * 320 * 3..]);
+        data
+    };
+    let first = frame(0);
+    a.init(&rgb(&first, 320, 240), cross_box(80, 60)).unwrap();
+    b.init(&rgb(&first, 320, 240), cross_box(240, 170)).unwrap();
+    for i in 1..8 {
+        let data = frame(i);
+        let (ta, tb) = (a.update(&rgb(&data, 320, 240)).unwrap(), b.update(&rgb(&data, 320, 240)).unwrap());
+        assert!(ta.bbox.iou(&cross_box(80 + 4 * i, 60)) > 0.5, "frame {i}: {ta:?}");
+        assert!(tb.bbox.iou(&cross_box(240 - 4 * i, 170)) > 0.5, "frame {i}: {tb:?}");
+    }
+}
+
+#[test]
+fn channel_order_and_stride_do_not_matter() {
+    let expected = follow(&mut tracker(1), 3);
+    type Convert = fn(&[u8]) -> Vec<u8>;
+    let cases: [(ChannelOrder, usize, Convert); 4] = [
+        (ChannelOrder::Bgr, 320 * 3, |p| vec![p[2], p[1], p[0]]),
+        (ChannelOrder::Rgba, 320 * 4, |p| vec![p[0], p[1], p[2], 255]),
+        (ChannelOrder::Bgra, 320 * 4, |p| vec![p[2], p[1], p[0], 0]),
+        (ChannelOrder::Rgb, 320 * 3 + 7, |p| p.to_vec()),
+    ];
+    for (order, stride, convert) in cases {
+        let mut tracker = tracker(1);
+        let frame = |i| {
+            let (cx, cy) = path(i);
+            let mut data = Vec::new();
+            for row in scene(320, 240, cx, cy).chunks(320 * 3) {
+                data.extend(row.chunks(3).flat_map(convert));
+                data.resize(data.len().next_multiple_of(stride), 77);
+            }
+            data
+        };
+        let first = frame(0);
+        fn view(data: &[u8], stride: usize, order: ChannelOrder) -> Frame<'_> {
+            Frame::with_stride(data, 320, 240, stride, order).unwrap()
+        }
+        tracker.init(&view(&first, stride, order), cross_box(120, 90)).unwrap();
+        for i in 1..3 {
+            let data = frame(i);
+            let track = tracker.update(&view(&data, stride, order)).unwrap();
+            assert_eq!(track, expected[i as usize - 1], "{order:?}");
+        }
+    }
+}
+
+#[test]
+fn gray_frames_are_tracked() {
+    let gray = |i| {
+        let (cx, cy) = path(i);
+        scene(320, 240, cx, cy).chunks(3).map(|p| p[0]).collect::<Vec<u8>>()
+    };
+    let mut tracker = tracker(1);
+    fn view(data: &[u8]) -> Frame<'_> {
+        Frame::new(data, 320, 240, ChannelOrder::Gray).unwrap()
+    }
+    tracker.init(&view(&gray(0)), cross_box(120, 90)).unwrap();
+    for i in 1..8 {
+        let (cx, cy) = path(i);
+        let track = tracker.update(&view(&gray(i))).unwrap();
+        assert!(track.bbox.iou(&cross_box(cx, cy)) > 0.5, "frame {i}: {track:?}");
+    }
+}
+
+#[test]
+fn the_frame_may_change_its_size() {
+    let mut tracker = tracker(1);
+    tracker.init(&rgb(&scene(320, 240, 120, 90), 320, 240), cross_box(120, 90)).unwrap();
+    for (w, h) in [(400, 300), (200, 150), (1, 1), (2000, 3), (320, 240)] {
+        let track = tracker.update(&rgb(&scene(w, h, 120, 90), w, h)).unwrap();
+        let center = track.bbox.center();
+        assert!(center.cx >= 0.0 && center.cx <= w as f32 && center.cy >= 0.0 && center.cy <= h as f32);
+        assert!(track.bbox.w <= w as f32 && track.bbox.h <= h as f32, "{track:?} in {w}x{h}");
+    }
+}
+
+#[test]
+fn odd_boxes_end_well() {
+    let (w, h) = (160, 120);
+    let data = scene(w, h, 80, 60);
+    let frame = rgb(&data, w, h);
+    for bbox in [
+        BBox::new(80.0, 60.0, 1.0, 1.0),
+        BBox::new(80.2, 60.7, 0.01, 0.01),
+        BBox::new(-50.0, -50.0, 51.0, 51.0),
+        BBox::new(159.0, 119.0, 1000.0, 1000.0),
+        BBox::new(-1e6, -1e6, 1e7, 1e7),
+        BBox::new(0.0, 0.0, 160.0, 0.5),
+        BBox::new(-1e38, -1e38, 2e38, 2e38),
+    ] {
+        let mut tracker = tracker(1);
+        tracker.init(&frame, bbox).unwrap();
+        for _ in 0..3 {
+            let track = tracker.update(&frame).unwrap();
+            assert!(track.bbox.is_finite() && track.score.is_finite(), "{bbox:?} gave {track:?}");
+            assert!(track.bbox.w >= 10.0 && track.bbox.w <= 160.0 && track.bbox.h <= 120.0, "{track:?}");
+        }
+    }
+    for bbox in [
+        BBox::new(f32::NAN, 0.0, 5.0, 5.0),
+        BBox::new(0.0, f32::INFINITY, 5.0, 5.0),
+        BBox::new(0.0, 0.0, 0.0, 5.0),
+        BBox::new(0.0, 0.0, 5.0, -1.0),
+    ] {
+        assert!(matches!(tracker(1).init(&frame, bbox), Err(TrackError::BadBox { .. })), "{bbox:?}");
+    }
+    for bbox in
+        [BBox::new(160.0, 0.0, 5.0, 5.0), BBox::new(0.0, -9.0, 5.0, 5.0), BBox::new(-5.0, 3.0, 5.0, 5.0)]
+    {
+        assert!(matches!(tracker(1).init(&frame, bbox), Err(TrackError::BoxOutside { .. })), "{bbox:?}");
+    }
+}
+
+#[test]
+fn black_frames_end_well() {
+    let mut tracker = tracker(1);
+    tracker.init(&rgb(&scene(320, 240, 120, 90), 320, 240), cross_box(120, 90)).unwrap();
+    let black = vec![0; 320 * 240 * 3];
+    for _ in 0..50 {
+        let track = tracker.update(&rgb(&black, 320, 240)).unwrap();
+        assert!(track.bbox.is_finite() && track.bbox.w <= 320.0 && track.bbox.h <= 240.0, "{track:?}");
+    }
+    tracker.init(&rgb(&black, 320, 240), cross_box(120, 90)).unwrap();
+    assert!(tracker.update(&rgb(&black, 320, 240)).unwrap().bbox.is_finite());
+}
