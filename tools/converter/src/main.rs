@@ -40,9 +40,7 @@ fn main() -> ExitCode {
 /// What there is to say on standard output.
 fn run(args: &Args) -> Result<String, Error> {
     let Conversion { weights, ignored, unknown } = convert(&args.checkpoint, &args.options())?;
-    for (what, names) in
-        [("ignored", ignored), ("warning: unknown, not converted", unknown)]
-    {
+    for (what, names) in [("ignored", ignored), ("warning: unknown, not converted", unknown)] {
         if !names.is_empty() {
             eprintln!("{what} ({}): {}", names.len(), printable(&names.join(", ")));
         }

@@ -1,0 +1,211 @@
+//! What is converted is what the checkpoint says, in every form that a checkpoint takes.
+
+mod common;
+
+use common::*;
+use converter::{Conversion, Options, convert_bytes};
+use weights_format::{EncoderPosition, Storage, Weights, Widths};
+use zip::CompressionMethod;
+
+fn convert(bytes: &[u8]) -> Conversion {
+    convert_bytes(bytes, &Options::default()).unwrap_or_else(|refusal| panic!("{refusal}"))
+}
+
+/// One output pixel of every channel, in f64, as PyTorch computes it: convolution, then BN, then the head's scalars.
+fn unfolded(dict: &StateDict, prefix: &str, patch: &[f32]) -> Vec<f64> {
+    let get = |name: &str| dict.get(&format!("{prefix}.{name}")).map(|entry| &entry.data[..]);
+    let weight = get("conv.weight").unwrap();
+    let outputs = weight.chunks_exact(patch.len()).zip(get("conv.bias").unwrap());
+    let mut values: Vec<f64> = outputs
+        .map(|(w, &b)| {
+            f64::from(b) + w.iter().zip(patch).map(|(&w, &x)| f64::from(w) * f64::from(x)).sum::<f64>()
+        })
+        .collect();
+    if let Some(scale) = get("bn.weight") {
+        let [shift, mean, variance] =
+            ["bn.bias", "bn.running_mean", "bn.running_var"].map(|n| get(n).unwrap());
+        for (i, y) in values.iter_mut().enumerate() {
+            let normalised = (*y - f64::from(mean[i])) / (f64::from(variance[i]) + 1e-5).sqrt();
+            *y = normalised * f64::from(scale[i]) + f64::from(shift[i]);
+        }
+    }
+    if prefix == "head.bbox_offsets_p5" {
+        let scalar = |name: &str| f64::from(dict[name].data[0]);
+        values.iter_mut().for_each(|y| *y = scalar("head.si") * *y + scalar("head.bi"));
+    }
+    values
+}
+
+/// The same from converted weights; the patch is `[Cin, k, k]`, the weights are `[Cout, k, k, Cin]`.
+fn folded(weights: &Weights, layer: &str, patch: &[f32]) -> Vec<f64> {
+    let weight = weights.tensor(&format!("{layer}.weight")).unwrap();
+    let bias = weights.tensor(&format!("{layer}.bias")).unwrap();
+    let [_, rows, columns, channels] = weight.shape[..] else { panic!("{:?}", weight.shape) };
+    let outputs = weight.data.chunks_exact(patch.len()).zip(&bias.data);
+    outputs
+        .map(|(w, &b)| {
+            let mut sum = f64::from(b);
+            for (i, &w) in w.iter().enumerate() {
+                let (at, channel) = (i / channels, i % channels);
+                sum += f64::from(w) * f64::from(patch[channel * rows * columns + at]);
+            }
+            sum
+        })
+        .collect()
+}
+
+/// Every layer of `weights` computes what it does in `dict`.
+fn same_network(weights: &Weights, dict: &StateDict, encoder: &[(&str, &str)], tolerance: f64) {
+    let fixed = layers(1).into_iter().map(|(theirs, ours, ..)| (theirs, ours));
+    let encoder = encoder.iter().map(|&(theirs, ours)| (theirs.to_owned(), ours.to_owned()));
+    let all: Vec<_> = fixed.chain(encoder).collect();
+    assert_eq!(weights.tensors().count(), 2 * all.len());
+    for (theirs, ours) in all {
+        let inputs = dict[&format!("{theirs}.conv.weight")].shape[1..].iter().product();
+        let patch = noise(inputs, &ours);
+        let (found, expected) = (folded(weights, &ours, &patch), unfolded(dict, &theirs, &patch));
+        assert_eq!(found.len(), expected.len());
+        let scale = expected.iter().map(|y| y.abs()).fold(1.0, f64::max);
+        for (found, expected) in found.iter().zip(&expected) {
+            assert!((found - expected).abs() <= tolerance * scale, "{ours}: {found} is not {expected}");
+        }
+    }
+}
+
+#[test]
+fn folded_equals_unfolded() {
+    let dict = network_with_encoder();
+    let conversion = convert(&checkpoint(&dict, PLAIN));
+    same_network(&conversion.weights, &dict, &[("dr.e2", "dr.e2.0")], 1e-5);
+    let header = &conversion.weights.header;
+    let widths = Widths {
+        backbone: BACKBONE,
+        neck_cls: NECK[0],
+        neck_reg: NECK[1],
+        head_cls: HEAD_CLS,
+        head_reg: HEAD_REG,
+    };
+    assert_eq!(header.architecture.widths, widths);
+    let encoder = header.architecture.encoder.unwrap();
+    assert_eq!((encoder.kernel, encoder.layers, encoder.width), (3, 1, 10));
+    assert!(encoder.relu && encoder.shared && encoder.position == EncoderPosition::BeforeNeck);
+    assert_eq!(header.pruning_ratio, None);
+    assert_eq!(header.storage, Storage::F32);
+    assert_eq!(header.input, Default::default());
+    assert_eq!(conversion.ignored, [""; 0]);
+    assert_eq!(conversion.unknown, [""; 0]);
+}
+
+#[test]
+fn every_container_and_wrapping() {
+    let dict = network();
+    let expected = convert(&checkpoint(&dict, PLAIN)).weights;
+    for legacy in [false, true] {
+        for wrapper in [None, Some("model_state_dict"), Some("state_dict")] {
+            for prefix in ["", "module."] {
+                for ordered in [false, true] {
+                    let form = Form { wrapper, prefix, ordered, legacy, ..PLAIN };
+                    let conversion = convert(&checkpoint(&dict, form));
+                    assert_eq!(conversion.weights, expected);
+                    let beside: &[&str] =
+                        if wrapper.is_some() { &["epoch", "optimizer_state_dict"] } else { &[] };
+                    assert_eq!(conversion.ignored, beside);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_floating_point_type() {
+    let dict = network();
+    for (dtype, tolerance) in [("Double", 1e-5), ("Half", 3e-2), ("BFloat16", 2e-1)] {
+        let form = Form { dtype, legacy: dtype == "Half", ..PLAIN };
+        same_network(&convert(&checkpoint(&dict, form)).weights, &dict, &[], tolerance);
+    }
+    let exact = convert(&checkpoint(&dict, PLAIN)).weights;
+    assert_eq!(convert(&checkpoint(&dict, Form { dtype: "Double", ..PLAIN })).weights, exact);
+}
+
+#[test]
+fn strides_and_offsets() {
+    // conv2 in channels-last order, 10 elements into a storage that it shares with nothing.
+    let dict = network();
+    let name = "basemodel.conv2.conv.weight";
+    let mut others = dict.clone();
+    let entry = others.remove(name).unwrap();
+    let [n, c, h, w] = entry.shape[..] else { panic!() };
+    let mut data = vec![f32::NAN; 10];
+    for (at, channel) in (0..n * h * w).flat_map(|at| (0..c).map(move |channel| (at, channel))) {
+        data.push(entry.data[(at / (h * w) * c + channel) * h * w + at % (h * w)]);
+    }
+    let (bytes, mut storages) = pickle(&others, PLAIN);
+    let elements = data.len();
+    storages.push(("last".into(), elements, data.iter().flat_map(|x| x.to_le_bytes()).collect()));
+    let [n, c, h, w] = [n, c, h, w].map(|n| n as i64);
+    let storage = |p: Pickle| p.storage("FloatStorage", "last", elements as i64, false);
+    let strided = Pickle(vec![]).text(name).tensor(storage, 10, &[n, c, h, w], &[h * w * c, 1, w * c, c]);
+    let bytes = [&bytes[..bytes.len() - 2], &strided.0, b"u."].concat();
+    assert_eq!(convert(&zip(&bytes, &storages)).weights, convert(&checkpoint(&dict, PLAIN)).weights);
+}
+
+#[test]
+fn encoders_in_every_form() {
+    let wide = 6;
+    // One 1x1 convolution; two numbered ones; one each for template and search.
+    let mut dict = network_behind(wide);
+    add_layer(&mut dict, "dr.e2", [wide, BACKBONE[4], 1, 1], true);
+    let encoder = convert(&checkpoint(&dict, PLAIN)).weights.header.architecture.encoder.unwrap();
+    assert_eq!((encoder.kernel, encoder.layers, encoder.shared), (1, 1, true));
+
+    let mut dict = network_behind(wide);
+    add_layer(&mut dict, "dr.e2.0", [wide, BACKBONE[4], 3, 3], true);
+    add_layer(&mut dict, "dr.e2.1", [wide, wide, 3, 3], true);
+    let weights = convert(&checkpoint(&dict, PLAIN)).weights;
+    assert_eq!(weights.header.architecture.encoder.unwrap().layers, 2);
+    same_network(&weights, &dict, &[("dr.e2.0", "dr.e2.0"), ("dr.e2.1", "dr.e2.1")], 1e-5);
+
+    let mut dict = network_behind(wide);
+    add_layer(&mut dict, "dr.e2_z", [wide, BACKBONE[4], 3, 3], true);
+    add_layer(&mut dict, "dr.e2_x", [wide, BACKBONE[4], 3, 3], true);
+    let weights = convert(&checkpoint(&dict, PLAIN)).weights;
+    assert!(!weights.header.architecture.encoder.unwrap().shared);
+    same_network(&weights, &dict, &[("dr.e2_z", "dr.e2_template.0"), ("dr.e2_x", "dr.e2_search.0")], 1e-5);
+
+    let options = Options { encoder_relu: false, ..Options::default() };
+    let linear = convert_bytes(&checkpoint(&dict, PLAIN), &options).unwrap().weights;
+    assert!(!linear.header.architecture.encoder.unwrap().relu);
+}
+
+#[test]
+fn training_networks_are_ignored_and_strangers_reported() {
+    let mut dict = network_with_encoder();
+    add_layer(&mut dict, "dr.e1", [7, 7, 3, 3], true);
+    dict.insert("mi.g.0.weight".into(), Entry { shape: vec![2, 2], data: vec![0.0; 4] });
+    dict.insert("loss.weight".into(), Entry { shape: vec![1], data: vec![f32::NAN] });
+    let conversion = convert(&checkpoint(&dict, PLAIN));
+    assert_eq!(conversion.ignored.len(), 7);
+    assert!(conversion.ignored.contains(&"mi.g.0.weight".to_owned()));
+    assert_eq!(conversion.unknown, ["loss.weight"]);
+    assert_eq!(conversion.weights, convert(&checkpoint(&network_with_encoder(), PLAIN)).weights);
+}
+
+#[test]
+fn deflated_entries_and_other_roots() {
+    let (pickle, storages) = pickle(&network(), PLAIN);
+    let entries = storages.into_iter().map(|(key, _, bytes)| (format!("data/{key}"), bytes));
+    let entries = [("data.pkl".to_owned(), pickle)].into_iter().chain(entries);
+    let weights = convert(&archive(entries, CompressionMethod::Deflated)).weights;
+    assert_eq!(weights, convert(&checkpoint(&network(), PLAIN)).weights);
+}
+
+#[test]
+fn newer_protocols() {
+    // Protocol 4: a frame, short strings, memoised, STACK_GLOBAL.
+    let short = |text: &str| [&[0x8c, text.len() as u8], text.as_bytes(), &[0x94]].concat();
+    let dict = [short("collections"), short("OrderedDict"), vec![0x93, b')', b'R', 0x94]].concat();
+    let start = [&[0x80, 4, 0x95], &999_u64.to_le_bytes()[..], &dict, b"("].concat();
+    let (bytes, storages) = pickle(&network(), PLAIN);
+    let bytes = [&start, &bytes[4..]].concat();
+    assert_eq!(convert(&zip(&bytes, &storages)).weights, convert(&checkpoint(&network(), PLAIN)).weights);
+}
