@@ -18,7 +18,7 @@
 //!     println!("{}x{}", image.frame().width(), image.frame().height());
 //!     source.recycle(image);
 //! }
-//! # Ok::<(), track_cpu::SourceError>(())
+//! # Ok::<(), track_cpu::source::SourceError>(())
 //! ```
 
 mod decode;

@@ -1,2 +1,40 @@
-//! Placeholder.
-fn main() {}
+//! `track-cpu`: follows one object through video on a CPU. `track-cpu --help` teaches the rest.
+
+#![forbid(unsafe_code)]
+
+mod args;
+mod bench;
+mod demo;
+mod doctor;
+mod exit;
+mod film;
+mod font;
+mod info;
+mod machine;
+mod overlay;
+mod report;
+mod selftest;
+mod sheet;
+mod statistics;
+mod track;
+mod worker;
+
+use std::process::ExitCode;
+
+use args::{Args, Command};
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let done = match Args::parse().command {
+        Command::Track(args) => track::run(&args),
+        Command::Demo(args) => demo::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Bench(args) if args.worker => worker::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.exit(),
+    }
+}

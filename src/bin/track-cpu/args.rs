@@ -1,0 +1,388 @@
+//! The command line: clap structs and the parsing of their values, nothing else.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use track_cpu::source::{PixelFormat, RawFormat};
+use track_cpu::{BBox, Isa, Model, ModelError};
+use weights_format::{Architecture, Encoder, Weights, Widths};
+
+/// Follows one object through video on a CPU.
+#[derive(Debug, Parser)]
+#[command(version, about, after_help = format!("{EXAMPLES}\n\n{}", crate::exit::help()))]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXAMPLES: &str = "\
+Start here:
+  track-cpu doctor                                     is everything in order on this machine?
+  track-cpu demo                                       a rendered flight, tracked; writes a GIF
+  track-cpu track --input clip.mp4 --init 300,120,40,24 --out boxes.txt --overlay out.gif";
+
+/// The sub-commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Follow the object inside a box through images, a video or a stream.
+    Track(TrackArgs),
+    /// Render a UAV flight, track it and show the result.
+    Demo(DemoArgs),
+    /// Show a model's layers, shapes, parameters and multiply-accumulates.
+    Info(InfoArgs),
+    /// Measure speed: frames per second, latency percentiles, time per stage.
+    Bench(BenchArgs),
+    /// Check this machine: CPU features, kernels against golden numbers, speed to expect.
+    Doctor(DoctorArgs),
+}
+
+/// How the network is run.
+#[derive(Debug, clap::Args)]
+pub struct EngineArgs {
+    /// Threads that work on one frame.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = threads)]
+    pub threads: usize,
+    /// Instruction set, of those that `track-cpu doctor` lists [default: the fastest].
+    #[arg(long, value_name = "NAME", value_parser = isa)]
+    isa: Option<Isa>,
+}
+
+impl EngineArgs {
+    /// The instruction set asked for, or the fastest.
+    pub fn isa(&self) -> Isa {
+        self.isa.unwrap_or_else(Isa::detect)
+    }
+}
+
+/// `track`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = TRACK_EXAMPLES)]
+pub struct TrackArgs {
+    /// Folder of images, 'glob*.jpg' (quoted), image, video file, URL, or - for standard input.
+    #[arg(short, long, value_name = "INPUT")]
+    pub input: PathBuf,
+    /// The object in the first frame: left, top, width, height in pixels, 0-based.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
+    pub init: BBox,
+    /// Weights file; the built-in model if absent.
+    #[arg(short, long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// Where the boxes go, one line x,y,w,h per frame; standard output if absent.
+    #[arg(short, long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Draw the boxes into pictures: a folder for JPEGs, a .gif, or a .mp4 (through ffmpeg).
+    #[arg(long, value_name = "DIR|X.gif|X.mp4", value_parser = overlay)]
+    pub overlay: Option<PathBuf>,
+    /// Write one JSON object per frame: frame, box, score, milliseconds.
+    #[arg(long)]
+    pub json: bool,
+    /// First frame, 0-based; --init refers to it.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub start: usize,
+    /// Frame to end before.
+    #[arg(long, value_name = "N")]
+    pub end: Option<usize>,
+    /// Size of headerless frames.
+    #[arg(long, value_name = "WxH", value_parser = size, requires = "pix")]
+    raw: Option<(usize, usize)>,
+    /// Pixel format of headerless frames: bgr24, rgb24, gray, yuv420p, nv12, yuyv422, yuv422p or yuv444p.
+    #[arg(long, value_name = "FORMAT", value_parser = pixel_format, requires = "raw")]
+    pix: Option<PixelFormat>,
+    /// How the network is run.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+const TRACK_EXAMPLES: &str = "\
+Examples:
+  track-cpu track --input seq/img --init 300,120,40,24 > boxes.txt
+  track-cpu track --input 'seq/img/*.jpg' --init 300,120,40,24 --start 100 --end 200 --json
+  track-cpu track --input flight.mp4 --init 300,120,40,24 --out boxes.txt --overlay flight-tracked.mp4
+  track-cpu track --input rtsp://192.168.1.10/main --init 600,300,80,60 --json | your-program
+  ffmpeg -i flight.mp4 -f yuv4mpegpipe - | track-cpu track --input - --init 300,120,40,24
+  rpicam-vid -t 0 --codec yuv420 --width 640 --height 480 -o - |
+      track-cpu track --input - --raw 640x480 --pix yuv420p --init 300,120,40,24
+
+Inputs:
+  images (jpg, png, webp, bmp) are read in natural order: img2 comes before img10;
+  videos and URLs are read by the ffmpeg on your PATH;
+  standard input, named pipes and .y4m files hold y4m, PPM, or headerless frames with --raw and --pix.
+
+One line per frame goes to standard output (or --out), the first one being the box given; progress and a summary go to
+standard error. Every line is written as soon as its frame is done.";
+
+impl TrackArgs {
+    /// The headerless format, if there is one.
+    pub fn raw(&self) -> Option<RawFormat> {
+        let ((width, height), pixels) = self.raw.zip(self.pix)?;
+        Some(RawFormat { width, height, pixels })
+    }
+}
+
+/// `demo`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example:
+  track-cpu demo --seed 3 --out my-demo
+
+The object is shown by the flight's true box in the first frame and then never again. Mean IoU and precision (share of
+frames whose centre is at most 20 pixels off) are over the frames after the first in which more than 30 % of the object
+is visible; FPS counts tracking only, frames divided by total time.")]
+pub struct DemoArgs {
+    /// Folder for demo.gif and sheet.png.
+    #[arg(short, long, value_name = "DIR", default_value = "track-cpu-demo")]
+    pub out: PathBuf,
+    /// Which flight.
+    #[arg(long, value_name = "N", default_value_t = 7)]
+    pub seed: u64,
+    /// Its length.
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = frames)]
+    pub frames: usize,
+    /// End standard output with one JSON object: mean_iou, precision_20, fps, frames.
+    #[arg(long)]
+    pub json: bool,
+    /// How the network is run.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// Which network, where a random one will do.
+#[derive(Debug, clap::Args)]
+pub struct RandomArgs {
+    /// A random network: half, full, P0 to P90 (percent pruned), C1,C2,C3,C4,C5,N, or all 13 widths.
+    #[arg(long, value_name = "WIDTHS", value_parser = widths)]
+    widths: Option<Widths>,
+    /// Identity-related encoder of a random network.
+    #[arg(long, value_enum, default_value_t = EncoderChoice::None, requires = "widths")]
+    encoder: EncoderChoice,
+}
+
+/// The encoder of a random network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EncoderChoice {
+    /// Without: the P-SiamFC++ family.
+    None,
+    /// One 3x3 convolution, the standard.
+    #[value(name = "3x3")]
+    Three,
+    /// One 1x1 convolution.
+    #[value(name = "1x1")]
+    One,
+}
+
+impl RandomArgs {
+    /// The random network asked for, if one was.
+    pub fn architecture(&self) -> Result<Option<Architecture>, ModelError> {
+        let Some(widths) = self.widths else { return Ok(None) };
+        let standard = Encoder::standard(widths.backbone[4]);
+        let encoder = match self.encoder {
+            EncoderChoice::None => None,
+            EncoderChoice::Three => Some(standard),
+            EncoderChoice::One => Some(Encoder { kernel: 1, ..standard }),
+        };
+        let architecture = Architecture::new(widths, encoder);
+        architecture.check()?;
+        Ok(Some(architecture))
+    }
+
+    /// A model with random weights, if one was asked for.
+    pub fn model(&self, isa: Isa) -> Result<Option<Model>, ModelError> {
+        let architecture = self.architecture()?;
+        architecture.map(|a| Model::from_weights(&Weights::random(a, 1), isa)).transpose()
+    }
+}
+
+/// `info`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  track-cpu info builtin
+  track-cpu info weights.safetensors --json
+  track-cpu info --widths P50 --encoder 3x3
+  track-cpu info --widths 76,224,337,334,256,256,256,230,138,224,227,145,224     P-SiamFC++: 7,489,986 parameters
+
+All 13 widths are conv1 to conv5, the necks (cls, reg), and the towers cls1 to cls3 and reg1 to reg3.")]
+pub struct InfoArgs {
+    /// Weights file, or `builtin`.
+    #[arg(value_name = "MODEL", required_unless_present = "widths", conflicts_with = "widths")]
+    pub model: Option<PathBuf>,
+    /// A network without a file.
+    #[command(flatten)]
+    pub random: RandomArgs,
+    /// Print one JSON object in place of the tables.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `bench`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  track-cpu bench
+  track-cpu bench --threads 2 --json
+  track-cpu bench --widths full --encoder 3x3 --isa avx2
+
+Frames of a rendered 1280x720 flight are prepared in memory and played back and forth; decoding is not measured. FPS is
+frames divided by total time. GFLOP/s counts two operations per multiply-accumulate of the plain convolutions, over the
+time of the network's stages.")]
+pub struct BenchArgs {
+    /// Weights file; the built-in model if absent.
+    #[arg(short, long, value_name = "FILE", conflicts_with = "widths")]
+    pub model: Option<PathBuf>,
+    /// A network without a file.
+    #[command(flatten)]
+    pub random: RandomArgs,
+    /// Frames to measure, after a warm-up of a tenth as many.
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = frames)]
+    pub frames: usize,
+    /// Print one JSON object in place of the tables.
+    #[arg(long)]
+    pub json: bool,
+    /// Arithmetic of the network.
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    pub precision: Precision,
+    /// Time the network alone: for each line N on standard input run N passes, print N times in ms.
+    #[arg(long, conflicts_with = "json")]
+    pub worker: bool,
+    /// How the network is run.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// Arithmetic of the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Precision {
+    /// 32-bit floating point.
+    F32,
+}
+
+/// `doctor`.
+#[derive(Debug, clap::Args)]
+pub struct DoctorArgs {
+    /// Print one JSON object in place of text.
+    #[arg(long)]
+    pub json: bool,
+    /// Print what the golden file of the self-test should hold for the present built-in model.
+    #[arg(long, hide = true)]
+    pub print_golden: bool,
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    number_in(text, 1, 256)
+}
+
+fn frames(text: &str) -> Result<usize, String> {
+    number_in(text, 2, 100_000)
+}
+
+fn number_in(text: &str, least: usize, most: usize) -> Result<usize, String> {
+    match text.parse() {
+        Ok(number) if (least..=most).contains(&number) => Ok(number),
+        _ => Err(format!("expected a whole number from {least} to {most}")),
+    }
+}
+
+fn isa(text: &str) -> Result<Isa, String> {
+    Isa::from_name(text).map_err(|error| error.to_string())
+}
+
+fn bbox(text: &str) -> Result<BBox, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, w, h]) if BBox::new(x, y, w, h).is_finite() => Ok(BBox::new(x, y, w, h)),
+        _ => Err("expected four finite numbers: left,top,width,height".into()),
+    }
+}
+
+fn overlay(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    match extension.as_ref().and_then(|e| e.to_str()) {
+        Some("avi" | "mov" | "mkv" | "webm" | "jpg" | "jpeg" | "png" | "webp" | "bmp") if !path.is_dir() => {
+            Err("expected a folder, a .gif or a .mp4".into())
+        }
+        _ => Ok(path),
+    }
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    sides.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".into())
+}
+
+fn pixel_format(text: &str) -> Result<PixelFormat, String> {
+    let names = || PixelFormat::NAMES.map(|(name, _)| name).join(", ");
+    PixelFormat::from_name(text).ok_or_else(|| format!("expected one of: {}", names()))
+}
+
+fn widths(text: &str) -> Result<Widths, String> {
+    let pruned = text.strip_prefix('P').and_then(|percent| percent.parse::<u8>().ok());
+    let list: Option<Vec<usize>> = text.split(',').map(|number| number.parse().ok()).collect();
+    let widths = match (text, pruned, list.as_deref()) {
+        ("half", ..) => Widths::pruned(0.5),
+        ("full", ..) => Widths::FULL,
+        (_, Some(percent @ 0..=90), _) => Widths::pruned(f64::from(percent) / 100.0),
+        (.., Some(&[c1, c2, c3, c4, c5, n])) => Widths::uniform([c1, c2, c3, c4, c5], n),
+        (.., Some(&[c1, c2, c3, c4, c5, neck_cls, neck_reg, a, b, c, d, e, f])) => Widths {
+            backbone: [c1, c2, c3, c4, c5],
+            neck_cls,
+            neck_reg,
+            head_cls: [a, b, c],
+            head_reg: [d, e, f],
+        },
+        _ => return Err("expected half, full, P0 to P90, 6 numbers or 13 numbers".into()),
+    };
+    Architecture::new(widths, None).check().map_err(|error| error.to_string())?;
+    Ok(widths)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        use clap::CommandFactory;
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn widths_in_every_form() {
+        assert_eq!(widths("half"), Ok(Widths::pruned(0.5)));
+        assert_eq!(widths("P50"), Ok(Widths::pruned(0.5)));
+        assert_eq!(widths("P0"), Ok(Widths::FULL));
+        assert_eq!(widths("full"), Ok(Widths::FULL));
+        assert_eq!(widths("48,128,192,192,128,128"), Ok(Widths::pruned(0.5)));
+        let paper = widths("76,224,337,334,256,256,256,230,138,224,227,145,224").unwrap();
+        assert_eq!(Architecture::new(paper, None).parameters(), 7_489_986);
+        for (text, part) in [
+            ("P100", "P90"),
+            ("P-1", "P90"),
+            ("quarter", "half"),
+            ("", "half"),
+            ("1,2,3", "13 numbers"),
+            ("0,1,1,1,1,1", "widths[0] is 0"),
+            ("1,1,1,1,1,999999", "999999"),
+        ] {
+            let message = widths(text).unwrap_err();
+            assert!(message.contains(part), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn boxes() {
+        assert_eq!(bbox("1, 2.5,-3,4e1"), Ok(BBox::new(1.0, 2.5, -3.0, 40.0)));
+        for text in ["", "1,2,3", "1,2,3,4,5", "1,2,3,nan", "1,2,inf,4", "a,b,c,d", "1;2;3;4"] {
+            assert!(bbox(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(size("640x360"), Ok((640, 360)));
+        for text in ["640", "640x", "x360", "-1x5", "640x360x3", "axb"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! `demo`: a rendered flight, tracked from its first true box and shown beside the truth.
+
+use std::time::Instant;
+
+use image::RgbImage;
+use scenes::{Flight, FlightConfig, FrameBuffer, Truth};
+use serde_json::json;
+use track_cpu::{BBox, ChannelOrder, Frame, Tracker, TrackerOptions};
+
+use crate::args::DemoArgs;
+use crate::exit::Failure;
+use crate::film::Film;
+use crate::overlay::Canvas;
+use crate::report::{print, progress, rounded};
+use crate::statistics::Times;
+use crate::{sheet, track};
+
+/// Pictures on the contact sheet.
+const PICTURES: usize = 12;
+/// A frame counts if more of the object than this is visible.
+const LEAST_VISIBLE: f32 = 0.3;
+/// A centre this far off, in pixels, is still precise.
+const PRECISE_PX: f32 = 20.0;
+
+/// Runs the sub-command.
+pub fn run(args: &DemoArgs) -> Result<(), Failure> {
+    let model = track::load(None, args.engine.isa())?;
+    let options = TrackerOptions { threads: args.engine.threads, config: model.config() };
+    let mut tracker = Tracker::with_options(model, options);
+    std::fs::create_dir_all(&args.out).map_err(|error| Failure::output(&args.out, error))?;
+    let (gif, sheet) = (args.out.join("demo.gif"), args.out.join("sheet.png"));
+    let mut film = Film::create(&gif)?;
+
+    let config = FlightConfig { frames: args.frames, seed: args.seed, ..FlightConfig::default() };
+    let (width, height) = (config.width, config.height);
+    let flight = Flight::new(config);
+    let mut buffer = FrameBuffer::default();
+    let mut pictures = Vec::new();
+    let (mut times, mut ious, mut errors_px) = (Vec::new(), Vec::new(), Vec::new());
+    let bar = progress(Some(args.frames));
+    for index in 0..args.frames {
+        let truth = flight.render(index, &mut buffer);
+        let frame = Frame::new(&buffer.data, buffer.width, buffer.height, ChannelOrder::Rgb)?;
+        let true_box = bbox(&truth);
+        let started = Instant::now();
+        let (found, score) = if index == 0 {
+            tracker.init(&frame, true_box)?;
+            (true_box, None)
+        } else {
+            let track = tracker.update(&frame)?;
+            times.push(started.elapsed());
+            (track.bbox, Some(track.score))
+        };
+        if index > 0 && truth.visible > LEAST_VISIBLE {
+            ious.push(f64::from(found.iou(&true_box)));
+            errors_px.push(found.center_distance(&true_box));
+        }
+        let draw = |canvas: &mut Canvas| {
+            if truth.visible > 0.0 {
+                canvas.truth(&true_box);
+            }
+            canvas.found(&found, score);
+            canvas.caption(&caption(index, &truth));
+        };
+        film.add(index, &frame, draw)?;
+        if is_pictured(index, args.frames) {
+            pictures.push(picture(&frame, draw));
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    film.finish()?;
+
+    let share = |hits: usize| if ious.is_empty() { 0.0 } else { hits as f64 / ious.len() as f64 };
+    let iou = ious.iter().sum::<f64>() / ious.len().max(1) as f64;
+    let precision = share(errors_px.iter().filter(|&&error| error <= PRECISE_PX).count());
+    let fps = Times::new(&times).fps();
+    let (frames, seed) = (args.frames, args.seed);
+    let summary = format!("mean IoU {iou:.3}   precision@20px {precision:.3}   {fps:.0} FPS on the CPU");
+    let title = format!("track-cpu demo   seed {seed}   {frames} frames of {width}x{height}");
+    sheet::write(&sheet, &title, &summary, &pictures)?;
+    print(&format!("{title}\n{summary}"))?;
+    if args.json {
+        let result = json!({
+            "mean_iou": rounded(iou, 4),
+            "precision_20": rounded(precision, 4),
+            "fps": rounded(fps, 2),
+            "frames": frames,
+        });
+        print(&result.to_string())?;
+    }
+    eprintln!("film: {}\ncontact sheet: {}", gif.display(), sheet.display());
+    Ok(())
+}
+
+/// A true box as the tracker takes it: the same edges.
+fn bbox(truth: &Truth) -> BBox {
+    BBox::new(truth.bbox.x, truth.bbox.y, truth.bbox.w, truth.bbox.h)
+}
+
+fn caption(index: usize, truth: &Truth) -> String {
+    match truth.visible {
+        v if v <= 0.0 => format!("#{index} out of sight"),
+        v if v <= LEAST_VISIBLE => format!("#{index} hidden"),
+        _ => format!("#{index}"),
+    }
+}
+
+/// Whether a frame is one of the [`PICTURES`], evenly spread from the first to the last.
+fn is_pictured(index: usize, frames: usize) -> bool {
+    let count = PICTURES.min(frames);
+    (0..count).any(|i| i * (frames - 1) / (count - 1).max(1) == index)
+}
+
+fn picture(frame: &Frame<'_>, draw: impl FnOnce(&mut Canvas)) -> RgbImage {
+    let mut canvas = Canvas::fitted(frame, frame.width() as u32 / 2, frame.height() as u32 / 2);
+    draw(&mut canvas);
+    canvas.picture
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_spread() {
+        for frames in [2, 3, 11, 12, 13, 300] {
+            let pictured: Vec<usize> = (0..frames).filter(|&i| is_pictured(i, frames)).collect();
+            assert_eq!(pictured.len(), PICTURES.min(frames), "{frames}");
+            assert_eq!((pictured[0], *pictured.last().unwrap()), (0, frames - 1));
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! `track`: an input, a box, and a line per frame.
+
+use std::fs::File;
+use std::io::{LineWriter, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use track_cpu::source::{Input, Prefetch, Source};
+use track_cpu::{BBox, Isa, Model, Tracker, TrackerOptions};
+
+use crate::args::TrackArgs;
+use crate::exit::Failure;
+use crate::film::Film;
+use crate::report::{progress, rounded};
+use crate::statistics::Times;
+
+/// Frames decoded ahead.
+const AHEAD: usize = 3;
+
+/// Runs the sub-command.
+pub fn run(args: &TrackArgs) -> Result<(), Failure> {
+    let model = load(args.model.as_deref(), args.engine.isa())?;
+    let input = Input { location: args.input.clone(), raw: args.raw(), start: args.start, end: args.end };
+    let source = Source::open(&input)?;
+    let bar = progress(source.frames_left());
+    let mut frames = Prefetch::new(source, AHEAD);
+    let mut boxes = Boxes::create(args.out.as_deref(), args.json)?;
+    let mut film = args.overlay.as_deref().map(Film::create).transpose()?;
+    let options = TrackerOptions { threads: args.engine.threads, config: model.config() };
+    let mut tracker = Tracker::with_options(model, options);
+
+    let began = Instant::now();
+    let mut times = Vec::new();
+    let mut step = |index: usize, frames: &mut Prefetch| -> Result<bool, Failure> {
+        let Some(image) = frames.next() else { return Ok(false) };
+        let image = image.map_err(|error| Failure::Frame { frame: index, error })?;
+        let frame = image.frame();
+        let started = Instant::now();
+        let (bbox, score) = if index == args.start {
+            tracker.init(&frame, args.init)?;
+            (args.init, None)
+        } else {
+            let track = tracker.update(&frame)?;
+            (track.bbox, Some(track.score))
+        };
+        let took = started.elapsed();
+        if index > args.start {
+            times.push(took);
+        }
+        boxes.write(index, &bbox, score, took)?;
+        if let Some(film) = &mut film {
+            film.add(index, &frame, |canvas| {
+                canvas.found(&bbox, score);
+                canvas.caption(&format!("#{index}"));
+            })?;
+        }
+        frames.recycle(image);
+        bar.inc(1);
+        Ok(true)
+    };
+    let mut done = Ok(());
+    for index in args.start.. {
+        match step(index, &mut frames) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(failure) => {
+                done = Err(failure);
+                break;
+            }
+        }
+    }
+    bar.finish_and_clear();
+    // Whatever ended the video, the film of what there was is completed.
+    let filmed = film.map_or(Ok(()), Film::finish);
+    if !matches!(done, Err(Failure::ClosedPipe)) && !times.is_empty() {
+        summarise(args, &times, began.elapsed());
+    }
+    done.and(filmed)
+}
+
+/// The model of a file, or the built-in one.
+pub fn load(path: Option<&Path>, isa: Isa) -> Result<Model, Failure> {
+    match path {
+        Some(path) => Ok(Model::read(path, isa)?),
+        None => Ok(Model::builtin(isa)),
+    }
+}
+
+fn summarise(args: &TrackArgs, times: &[Duration], all: Duration) {
+    let (frames, tracking) = (times.len() + 1, Times::new(times));
+    let total = frames as f64 / all.as_secs_f64();
+    let to = |path: &Option<std::path::PathBuf>, what| {
+        path.as_ref().map_or(String::new(), |path| format!("; {what} in {}", path.display()))
+    };
+    eprintln!(
+        "{frames} frames: {:.1} FPS tracking, {total:.1} FPS with reading and writing{}{}",
+        tracking.fps(),
+        to(&args.out, "boxes"),
+        to(&args.overlay, "pictures"),
+    );
+}
+
+/// One line per frame, written out as soon as it is there.
+struct Boxes {
+    out: LineWriter<Box<dyn Write>>,
+    file: Option<String>,
+    json: bool,
+}
+
+impl Boxes {
+    fn create(path: Option<&Path>, json: bool) -> Result<Boxes, Failure> {
+        let out: Box<dyn Write> = match path {
+            Some(path) => Box::new(File::create(path).map_err(|error| Failure::output(path, error))?),
+            None => Box::new(std::io::stdout()),
+        };
+        Ok(Boxes { out: LineWriter::new(out), file: path.map(|path| path.display().to_string()), json })
+    }
+
+    fn write(
+        &mut self,
+        frame: usize,
+        bbox: &BBox,
+        score: Option<f32>,
+        took: Duration,
+    ) -> Result<(), Failure> {
+        let BBox { x, y, w, h } = *bbox;
+        let line = if self.json {
+            let numbers = [x, y, w, h].map(|v| rounded(f64::from(v), 3));
+            let score = score.map(|score| rounded(f64::from(score), 6));
+            let milliseconds = rounded(took.as_secs_f64() * 1e3, 3);
+            json!({ "frame": frame, "box": numbers, "score": score, "milliseconds": milliseconds })
+                .to_string()
+        } else {
+            format!("{x:.3},{y:.3},{w:.3},{h:.3}")
+        };
+        writeln!(self.out, "{line}").map_err(|error| match &self.file {
+            Some(file) => Failure::Output { output: file.clone(), reason: error.to_string() },
+            None => Failure::stdout(&error),
+        })
+    }
+}
