@@ -1,1 +1,137 @@
-//! Placeholder.
+//! Seeded, procedural UAV flights with exact boxes: for the demo, the tests and training pairs.
+//!
+//! A [`Flight`] is a camera on a drone that follows one target (a car, a boat, someone on foot ...) over a country made
+//! from a seed. Any frame can be asked for, in any order; with its pixels comes the [`Truth`].
+//!
+//! ```
+//! use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
+//!
+//! let config = FlightConfig { width: 160, height: 96, frames: 30, difficulty: Difficulty::Easy, ..Default::default() };
+//! let flight = Flight::new(config);
+//! let mut frame = FrameBuffer::default();
+//! let truth = flight.render(0, &mut frame);
+//! assert_eq!(frame.data.len(), 160 * 96 * 3);
+//! assert!(truth.visible > 0.9);
+//! ```
+//!
+//! How a frame comes about: `flight` decides and draws; `land` and `palette` say what the country is like; `ground`
+//! paints it into the `map`, once; `layout` says what stands on it (`buildings`, `trees`), `actors` what moves over it
+//! (`vehicles`, `people`); `camera` says where it is seen from; `raster` draws things over the ground; `lens` adds
+//! blur and noise.
+#![forbid(unsafe_code)]
+
+mod actors;
+mod buildings;
+mod camera;
+mod fill;
+mod flight;
+mod ground;
+mod land;
+mod layout;
+mod lens;
+mod map;
+mod math;
+mod mesh;
+mod palette;
+mod people;
+mod raster;
+mod rng;
+#[cfg(test)]
+mod tests;
+mod trees;
+mod vehicles;
+
+pub use actors::TargetKind;
+pub use flight::Flight;
+pub use palette::Biome;
+
+/// How hard a flight is to track: speed, shake, look-alikes, occlusion, exits, noise, blur and haze together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Difficulty {
+    /// Calm, clear, nothing before the target.
+    Easy,
+    /// Some of everything, and a planned occlusion every eight seconds or so; the target stays in view.
+    #[default]
+    Medium,
+    /// Fast and shaky, with look-alikes, occlusions, and exits from the view with a return.
+    Hard,
+}
+
+/// What a flight is to be like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlightConfig {
+    /// Width of the view in pixels.
+    pub width: usize,
+    /// Height of the view in pixels.
+    pub height: usize,
+    /// Number of frames, 30 a second.
+    pub frames: usize,
+    /// Decides everything that is left open here.
+    pub seed: u64,
+    /// Preset for everything that makes tracking hard.
+    pub difficulty: Difficulty,
+    /// The country; by the seed if `None`.
+    pub biome: Option<Biome>,
+    /// The target; by the seed if `None`, or if it does not fit the biome (a boat away from the coast).
+    pub target: Option<TargetKind>,
+    /// Number of moving look-alikes, at most 64; by the difficulty if `None`.
+    pub distractors: Option<usize>,
+    /// Standard deviation of the sensor's noise, of 255; by the difficulty if `None`.
+    pub noise: Option<f32>,
+}
+
+impl Default for FlightConfig {
+    /// 300 frames of 640 x 360, seed 7, medium.
+    fn default() -> FlightConfig {
+        FlightConfig {
+            width: 640,
+            height: 360,
+            frames: 300,
+            seed: 7,
+            difficulty: Difficulty::Medium,
+            biome: None,
+            target: None,
+            distractors: None,
+            noise: None,
+        }
+    }
+}
+
+/// A picture: RGB bytes, row-major, three to a pixel.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FrameBuffer {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// `3 * width * height` bytes.
+    pub data: Vec<u8>,
+}
+
+/// An axis-aligned box in pixels, from `x` to `x + w` and `y` to `y + h`.
+///
+/// Coordinates are continuous: the left edge of the leftmost pixel is at 0, its right edge at 1. A box may reach out of
+/// the view.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TruthBox {
+    /// Left edge.
+    pub x: f32,
+    /// Top edge.
+    pub y: f32,
+    /// Width.
+    pub w: f32,
+    /// Height.
+    pub h: f32,
+}
+
+/// What is true of a frame, whatever can be seen in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Truth {
+    /// Tight box of the whole target (hidden and out-of-view parts included) at mid-exposure, without its shadow, wake
+    /// or motion blur.
+    pub bbox: TruthBox,
+    /// Share of the target's area that lies in the view and is not hidden, 0..1.
+    pub visible: f32,
+    /// Boxes of everything else of the target's sort, moving or parked, that reaches into the view; it may be hidden.
+    pub distractors: Vec<TruthBox>,
+}
