@@ -7,6 +7,7 @@
 //! | kernel | formula | input -> output | file | share of a frame |
 //! |---|---|---|---|---|
 //! | convolution, direct | `y = relu(b + sum w x)` | `[H, W, Cin] -> [H', W', Cout]` | [`conv`], `conv/direct.rs` | 95 % |
+//! | convolution, Winograd | the same, with 3 to 6 times fewer multiplications | the same | `conv/winograd.rs` | stride-1 layers |
 //! | convolution, im2col | the same, as one matrix product | the same | `conv/im2col.rs`, `gemm.rs` | portable alternative |
 //! | max-pool 3x3/2 | `y = max x`, ceil mode | `[H, W, C] -> [H', W', C]` | [`mod@pool`] | 2 % |
 //! | cross-correlation | `y = sum x z` per channel | `[H, W, C], [k, k, C] -> [H-k+1, W-k+1, C]` | [`xcorr`] | 1 % |

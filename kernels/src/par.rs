@@ -42,19 +42,20 @@ impl Threads {
     /// Splits `out` into blocks of whole rows of `row_len` values, one per thread, and calls `work(first_row, block)`
     /// for each. Call within [`enter`](Self::enter).
     pub fn split_rows<T: Send>(&self, out: &mut [T], row_len: usize, work: impl Fn(usize, &mut [T]) + Sync) {
-        self.split_rows_with(out, row_len, &mut [], |first_row, block, _| work(first_row, block));
+        self.split_rows_with(out, row_len, 1, &mut [], |first_row, block, _| work(first_row, block));
     }
 
-    /// As [`split_rows`](Self::split_rows), and gives each thread its equal part of `scratch`.
+    /// As [`split_rows`](Self::split_rows) at multiples of `unit` rows, and gives each thread its equal part of `scratch`.
     pub fn split_rows_with<T: Send>(
         &self,
         out: &mut [T],
         row_len: usize,
+        unit: usize,
         scratch: &mut [f32],
         work: impl Fn(usize, &mut [T], &mut [f32]) + Sync,
     ) {
         assert!(row_len > 0 && out.len().is_multiple_of(row_len), "rows of {row_len} in {}", out.len());
-        split(self.count, 0, out, row_len, scratch, &work);
+        split(self.count, 0, out, row_len, unit, scratch, &work);
     }
 }
 
@@ -63,24 +64,25 @@ fn split<T: Send>(
     first_row: usize,
     out: &mut [T],
     row_len: usize,
+    unit: usize,
     scratch: &mut [f32],
     work: &(impl Fn(usize, &mut [T], &mut [f32]) + Sync),
 ) {
-    let rows = out.len() / row_len;
-    let threads = threads.min(rows);
+    let units = (out.len() / row_len).div_ceil(unit);
+    let threads = threads.min(units);
     if threads <= 1 {
-        if rows > 0 {
+        if units > 0 {
             work(first_row, out, scratch);
         }
         return;
     }
     let left = threads / 2;
-    let left_rows = rows * left / threads;
+    let left_rows = units * left / threads * unit;
     let (a, b) = out.split_at_mut(left_rows * row_len);
     let (scratch_a, scratch_b) = scratch.split_at_mut(scratch.len() / threads * left);
     rayon::join(
-        || split(left, first_row, a, row_len, scratch_a, work),
-        || split(threads - left, first_row + left_rows, b, row_len, scratch_b, work),
+        || split(left, first_row, a, row_len, unit, scratch_a, work),
+        || split(threads - left, first_row + left_rows, b, row_len, unit, scratch_b, work),
     );
 }
 

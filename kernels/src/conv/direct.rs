@@ -23,7 +23,7 @@ pub(super) struct Weights {
 }
 
 /// Channel vectors of each block: twos, and a three at the end instead of a lone one.
-fn blocks(vectors: usize) -> impl Iterator<Item = usize> {
+pub(super) fn blocks(vectors: usize) -> impl Iterator<Item = usize> {
     let threes = usize::from(vectors % 2 == 1 && vectors > 1);
     let twos = (vectors - 3 * threes) / 2;
     let ones = vectors - 3 * threes - 2 * twos;
@@ -35,18 +35,24 @@ fn blocks(vectors: usize) -> impl Iterator<Item = usize> {
 impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32]) -> Weights {
-        let (lanes, window) = (isa.lanes(), shape.window());
-        let vectors = shape.out_channels.div_ceil(lanes);
-        let mut data = Vec::with_capacity(vectors * lanes * window);
-        let mut first = 0;
-        for width in blocks(vectors) {
-            let channels = first..first + width * lanes;
-            for j in 0..window {
-                data.extend(channels.clone().map(|o| weights.get(o * window + j).copied().unwrap_or(0.0)));
-            }
-            first = channels.end;
-        }
+        let mut data = Vec::new();
+        pack(isa, shape.out_channels, shape.window(), weights, &mut data);
         Weights { data }
+    }
+}
+
+/// Appends `weights` (`[outputs, inputs]`) to `data` as `[block][inputs][vectors of the block * LANES]`.
+pub(super) fn pack(isa: Isa, outputs: usize, inputs: usize, weights: &[f32], data: &mut Vec<f32>) {
+    let lanes = isa.lanes();
+    let vectors = outputs.div_ceil(lanes);
+    data.reserve(vectors * lanes * inputs);
+    let mut first = 0;
+    for width in blocks(vectors) {
+        let channels = first..first + width * lanes;
+        for i in 0..inputs {
+            data.extend(channels.clone().map(|o| weights.get(o * inputs + i).copied().unwrap_or(0.0)));
+        }
+        first = channels.end;
     }
 }
 
@@ -105,23 +111,23 @@ impl Kernel for Direct<'_> {
 }
 
 /// One register tile: neighbouring pixels x a block of channels.
-struct Tile<'a> {
-    input: &'a [f32],   // from the first pixel's window on
-    pixel_step: usize,  // from one pixel's window to the next one's
-    row_step: usize,    // from one row of the window to the next
-    row_len: usize,     // contiguous values of a window's row
-    rows: usize,        // rows of the window
-    weights: &'a [f32], // [rows * row_len, VECTORS * LANES]
-    bias: &'a [f32],    // [channels of the block that exist]
-    relu: bool,
-    out: &'a mut [f32], // from the first pixel's first channel on
-    out_step: usize,    // from one pixel to the next
+pub(super) struct Tile<'a> {
+    pub input: &'a [f32],   // from the first pixel's window on
+    pub pixel_step: usize,  // from one pixel's window to the next one's
+    pub row_step: usize,    // from one row of the window to the next
+    pub row_len: usize,     // contiguous values of a window's row
+    pub rows: usize,        // rows of the window
+    pub weights: &'a [f32], // [rows * row_len, VECTORS * LANES]
+    pub bias: &'a [f32],    // [channels of the block that exist]
+    pub relu: bool,
+    pub out: &'a mut [f32], // from the first pixel's first channel on
+    pub out_step: usize,    // from one pixel to the next
 }
 
 impl Tile<'_> {
     /// Calls [`run`](Self::run) with the tile's sizes as constants.
     #[inline(always)]
-    fn dispatch<S: Simd>(self, simd: S, pixels: usize, vectors: usize) {
+    pub(super) fn dispatch<S: Simd>(self, simd: S, pixels: usize, vectors: usize) {
         macro_rules! table {
             ($($vectors:literal: $($pixels:literal)*;)*) => {
                 match (vectors, pixels) {

@@ -52,7 +52,7 @@ pub(super) fn run(
     let width = (size.w - shape.kernel) / shape.stride + 1;
     let (channels, window) = (shape.out_channels, shape.window());
     let strip = strip_rows(width);
-    threads.split_rows_with(out, width * channels, scratch, |first_row, out, patches| {
+    threads.split_rows_with(out, width * channels, 1, scratch, |first_row, out, patches| {
         for (i, out) in out.chunks_mut(strip * width * channels).enumerate() {
             let pixels = out.len() / channels;
             let patches = &mut patches[..pixels * window];

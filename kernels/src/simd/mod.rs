@@ -58,6 +58,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// `a + b`.
     fn add(self, a: Self::F32, b: Self::F32) -> Self::F32;
 
+    /// `a - b`.
+    fn sub(self, a: Self::F32, b: Self::F32) -> Self::F32;
+
     /// `a * b + c`; in one rounding where the instruction set has it.
     fn mul_add(self, a: Self::F32, b: Self::F32, c: Self::F32) -> Self::F32;
 
@@ -112,6 +115,7 @@ mod tests {
             check(s.splat(7.0), &|_| 7.0);
             check(s.zero(), &|_| 0.0);
             check(s.add(va, vb), &|i| a[i] + b[i]);
+            check(s.sub(va, vb), &|i| a[i] - b[i]);
             check(s.mul_add(va, vb, va), &|i| a[i] * b[i] + a[i]);
             check(s.max(va, vb), &|i| a[i].max(b[i]));
             check(s.max(s.splat(f32::NAN), vb), &|i| b[i]);
