@@ -23,6 +23,7 @@ struct Inner {
     header: Header,
     isa: Isa,
     layers: Layers,
+    plan: Vec<LayerPlan>,
 }
 
 /// The network's convolutions, ready to run.
@@ -68,23 +69,27 @@ impl Model {
         Model::from_weights(&Weights::from_bytes(bytes)?, isa)
     }
 
-    /// Lays out weights for `isa` with the algorithm that is fastest there.
+    /// Lays out weights for `isa`, each layer for the algorithm that is expected to be fastest.
     ///
     /// # Errors
     /// If the weights do not fit their own architecture.
     pub fn from_weights(weights: &Weights, isa: Isa) -> Result<Model, ModelError> {
-        Model::with_algorithm(weights, isa, Algorithm::Direct)
+        Model::build(weights, isa, None)
     }
 
-    /// Lays out weights for `isa` and one algorithm.
+    /// Lays out weights for `isa`, every layer that it can compute for one algorithm.
     ///
     /// # Errors
     /// If the weights do not fit their own architecture.
     pub fn with_algorithm(weights: &Weights, isa: Isa, algorithm: Algorithm) -> Result<Model, ModelError> {
+        Model::build(weights, isa, Some(algorithm))
+    }
+
+    fn build(weights: &Weights, isa: Isa, algorithm: Option<Algorithm>) -> Result<Model, ModelError> {
         weights.check()?;
-        let layers =
-            Builder { weights, isa, algorithm, specs: weights.header.architecture.layers() }.layers();
-        Ok(Model { inner: Arc::new(Inner { header: weights.header.clone(), isa, layers }) })
+        let builder = Builder { weights, isa, algorithm, specs: weights.header.architecture.layers() };
+        let (layers, plan) = (builder.layers(), builder.plan());
+        Ok(Model { inner: Arc::new(Inner { header: weights.header.clone(), isa, layers, plan }) })
     }
 
     /// What the weights file says about itself.
@@ -109,12 +114,7 @@ impl Model {
 
     /// Every layer in execution order with the algorithm it runs.
     pub fn plan(&self) -> Vec<LayerPlan> {
-        let algorithm = self.layers().backbone.conv1.algorithm();
-        let plan = |layer: Layer| LayerPlan {
-            algorithm: (layer.kind == LayerKind::Conv).then_some(algorithm),
-            layer,
-        };
-        self.architecture().layers().into_iter().map(plan).collect()
+        self.inner.plan.clone()
     }
 
     pub(crate) fn layers(&self) -> &Layers {
@@ -126,7 +126,7 @@ impl Model {
 struct Builder<'a> {
     weights: &'a Weights,
     isa: Isa,
-    algorithm: Algorithm,
+    algorithm: Option<Algorithm>, // `None`: the best for each layer
     specs: Vec<Layer>,
 }
 
@@ -175,32 +175,49 @@ impl Builder<'_> {
     }
 
     fn conv(&self, name: &str) -> Conv {
-        let (shape, weight, bias) = self.parts(name);
-        Conv::new(self.isa, self.algorithm, shape, weight, bias)
+        let (layer, weight, bias) = self.parts(name);
+        Conv::new(self.isa, self.algorithm(layer), shape(layer), weight, bias)
     }
 
     /// conv1 with the input normalisation folded in; exact, because it has no padding.
     fn first_conv(&self) -> Conv {
-        let (shape, weight, bias) = self.parts("backbone.conv1");
+        let (layer, weight, bias) = self.parts("backbone.conv1");
         let (weight, bias) = fold_normalisation(&self.weights.header.input, weight, bias);
-        Conv::new(self.isa, self.algorithm, shape, &weight, &bias)
+        Conv::new(self.isa, self.algorithm(layer), shape(layer), &weight, &bias)
     }
 
-    fn parts(&self, name: &str) -> (ConvShape, &[f32], &[f32]) {
+    /// The algorithm of a convolution, chosen for the larger of the maps it works on.
+    fn algorithm(&self, layer: &Layer) -> Algorithm {
+        let shape = shape(layer);
+        let out = layer.out_search.max(layer.out_template);
+        let side = (out - 1) * shape.stride + shape.kernel - 2 * shape.pad;
+        let asked = self.algorithm.unwrap_or_else(|| Algorithm::plan(&shape, Size::square(side)));
+        asked.supported(&shape)
+    }
+
+    fn plan(&self) -> Vec<LayerPlan> {
+        let algorithm = |layer: &Layer| (layer.kind == LayerKind::Conv).then(|| self.algorithm(layer));
+        self.specs.iter().map(|l| LayerPlan { layer: l.clone(), algorithm: algorithm(l) }).collect()
+    }
+
+    fn parts(&self, name: &str) -> (&Layer, &[f32], &[f32]) {
         let layer = self.specs.iter().find(|s| s.name == name).expect("every architecture has this layer");
         let tensor = |suffix: &str| {
             let tensor = self.weights.tensor(&format!("{name}.{suffix}"));
             &tensor.expect("checked weights have every tensor").data[..]
         };
-        let shape = ConvShape {
-            in_channels: layer.in_channels,
-            out_channels: layer.out_channels,
-            kernel: layer.kernel,
-            stride: layer.stride,
-            pad: layer.pad,
-            relu: layer.relu,
-        };
-        (shape, tensor("weight"), tensor("bias"))
+        (layer, tensor("weight"), tensor("bias"))
+    }
+}
+
+fn shape(layer: &Layer) -> ConvShape {
+    ConvShape {
+        in_channels: layer.in_channels,
+        out_channels: layer.out_channels,
+        kernel: layer.kernel,
+        stride: layer.stride,
+        pad: layer.pad,
+        relu: layer.relu,
     }
 }
 
@@ -221,18 +238,6 @@ fn fold_normalisation(input: &InputNormalisation, weight: &[f32], bias: &[f32]) 
         *bias = (f64::from(*bias) - shift) as f32;
     }
     (folded, shifted)
-}
-
-impl LayerPlan {
-    /// Operations (two per multiply-accumulate) per second if the layer takes `seconds` on a search crop.
-    pub fn flops(&self, seconds: f64) -> f64 {
-        2.0 * self.layer.macs_search() as f64 / seconds
-    }
-
-    /// Size of the search branch's output map.
-    pub fn out_size(&self) -> Size {
-        Size::square(self.layer.out_search)
-    }
 }
 
 #[cfg(test)]

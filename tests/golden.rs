@@ -87,6 +87,7 @@ fn every_stage_within_a_thousandth_on_every_isa() {
             let model = Model::with_algorithm(&weights, isa, algorithm).unwrap();
             check_stages(&golden, model, &format!("{isa} {}", algorithm.name()));
         }
+        check_stages(&golden, Model::from_weights(&weights, isa).unwrap(), &format!("{isa}, as planned"));
     }
 }
 

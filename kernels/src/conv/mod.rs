@@ -90,6 +90,32 @@ impl Algorithm {
         if fits { self } else { Algorithm::Direct }
     }
 
+    /// The algorithm that is expected to be fastest for an input of `size`.
+    ///
+    /// Compares estimates in units of one multiply-accumulate of the register tile. What a value that is transformed and
+    /// what a weight that is read cost in that unit was measured (Zen 4, both instruction sets); the estimates order the
+    /// network's layers as the clock does.
+    pub fn plan(shape: &ConvShape, size: Size) -> Algorithm {
+        const TRANSFORMED_VALUE: u64 = 22;
+        const WEIGHT: u64 = 12;
+        let out = shape.out_size(size);
+        let product = (shape.in_channels * shape.out_channels) as u64;
+        let winograd = |points: usize| {
+            let tile = winograd::rows_per_tile(shape, points);
+            let tiles = (out.h.div_ceil(tile) * out.w.div_ceil(tile)) as u64;
+            let values = (shape.in_channels + shape.out_channels) as u64;
+            (points * points) as u64 * (tiles * (product + TRANSFORMED_VALUE * values) + WEIGHT * product)
+        };
+        let cost = |algorithm: Algorithm| match algorithm {
+            Algorithm::Winograd6 => winograd(6),
+            Algorithm::Winograd8 => winograd(8),
+            Algorithm::Direct | Algorithm::Im2col => shape.macs(size),
+        };
+        let candidates = [Algorithm::Direct, Algorithm::Winograd6, Algorithm::Winograd8];
+        let fitting = candidates.into_iter().filter(|a| a.supported(shape) == *a);
+        fitting.min_by_key(|a| cost(*a)).expect("direct always fits")
+    }
+
     /// Its name in reports and options.
     pub fn name(self) -> &'static str {
         match self {
@@ -289,6 +315,24 @@ mod tests {
             for side in [11, 12, 23] {
                 check(shape, Size { h: side, w: side + 5 }, &threads);
             }
+        }
+    }
+
+    #[test]
+    fn plans_follow_the_measurements() {
+        use Algorithm::{Direct, Winograd6, Winograd8};
+        for (kernel, stride, channels, side, expected) in [
+            (11, 2, (3, 48), 303, Direct),
+            (5, 1, (48, 128), 73, Winograd8),
+            (3, 1, (128, 192), 34, Winograd6),
+            (3, 1, (192, 192), 32, Winograd8),
+            (3, 1, (192, 128), 30, Winograd6),
+            (3, 1, (128, 128), 19, Winograd8),
+            (1, 1, (128, 4), 17, Direct),
+        ] {
+            let (in_channels, out_channels) = channels;
+            let shape = ConvShape { in_channels, out_channels, kernel, stride, pad: 0, relu: true };
+            assert_eq!(Algorithm::plan(&shape, Size::square(side)), expected, "{shape:?}");
         }
     }
 
