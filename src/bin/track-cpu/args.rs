@@ -16,6 +16,13 @@ pub struct Args {
     pub command: Command,
 }
 
+impl Args {
+    /// Reads this process's command line; ends the process with help or a message where that does not parse.
+    pub fn read() -> Args {
+        Args::parse()
+    }
+}
+
 const EXAMPLES: &str = "\
 Start here:
   track-cpu doctor                                     is everything in order on this machine?
@@ -154,7 +161,7 @@ pub struct RandomArgs {
     #[arg(long, value_name = "WIDTHS", value_parser = widths)]
     widths: Option<Widths>,
     /// Identity-related encoder of a random network.
-    #[arg(long, value_enum, default_value_t = EncoderChoice::None, requires = "widths")]
+    #[arg(long, value_enum, default_value_t = EncoderChoice::None, requires = "widths", conflicts_with = "model")]
     encoder: EncoderChoice,
 }
 

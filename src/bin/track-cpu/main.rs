@@ -22,10 +22,9 @@ mod worker;
 use std::process::ExitCode;
 
 use args::{Args, Command};
-use clap::Parser;
 
 fn main() -> ExitCode {
-    let done = match Args::parse().command {
+    let done = match Args::read().command {
         Command::Track(args) => track::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Info(args) => info::run(&args),

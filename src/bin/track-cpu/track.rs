@@ -1,10 +1,11 @@
 //! `track`: an input, a box, and a line per frame.
 
 use std::fs::File;
-use std::io::{LineWriter, Write};
+use std::io::{IsTerminal, LineWriter, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use indicatif::ProgressBar;
 use serde_json::json;
 use track_cpu::source::{Input, Prefetch, Source};
 use track_cpu::{BBox, Isa, Model, Tracker, TrackerOptions};
@@ -23,7 +24,11 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let model = load(args.model.as_deref(), args.engine.isa())?;
     let input = Input { location: args.input.clone(), raw: args.raw(), start: args.start, end: args.end };
     let source = Source::open(&input)?;
-    let bar = progress(source.frames_left());
+    // On one terminal, boxes and a bar would overwrite each other.
+    let bar = match args.out.is_none() && std::io::stdout().is_terminal() {
+        true => ProgressBar::hidden(),
+        false => progress(source.frames_left()),
+    };
     let mut frames = Prefetch::new(source, AHEAD);
     let mut boxes = Boxes::create(args.out.as_deref(), args.json)?;
     let mut film = args.overlay.as_deref().map(Film::create).transpose()?;

@@ -1,0 +1,319 @@
+//! The program as its users meet it: inputs, outputs, sub-commands.
+#![cfg(feature = "cli")]
+
+mod program;
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::Stdio;
+
+use program::{SIZE, flight, folder, program, run, run_with, stderr, stdout, write_pngs};
+use serde_json::Value;
+
+/// The numbers of every line.
+fn boxes(text: &str) -> Vec<Vec<f64>> {
+    text.lines().map(|line| line.split(',').map(|n| n.parse().unwrap()).collect()).collect()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn a_folder_becomes_a_line_per_frame() {
+    let (frames, init) = flight(6);
+    let folder = folder("cli-folder");
+    write_pngs(&folder, &frames);
+    let (input, file) = (text(&folder), folder.join("boxes.txt"));
+
+    let plain = run(["track", "--input", input, "--init", &init], b"");
+    assert!(plain.status.success(), "{}", stderr(&plain));
+    let lines = stdout(&plain);
+    assert_eq!(lines.lines().next(), Some(init.as_str()));
+    assert_eq!(boxes(&lines).len(), 6);
+    assert!(boxes(&lines).iter().all(|b| b.len() == 4 && b.iter().all(|n| n.is_finite())));
+    assert!(stderr(&plain).contains("6 frames"), "{}", stderr(&plain));
+
+    let filed = run(["track", "--input", input, "--init", &init, "--out", text(&file)], b"");
+    assert!(filed.status.success() && filed.stdout.is_empty());
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), lines);
+
+    let json = run(["track", "--input", input, "--init", &init, "--json", "--threads", "2"], b"");
+    for (i, (line, expected)) in stdout(&json).lines().zip(boxes(&lines)).enumerate() {
+        let object: Value = serde_json::from_str(line).unwrap();
+        let found: Vec<f64> = serde_json::from_value(object["box"].clone()).unwrap();
+        assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 2e-3), "{line}: {expected:?}");
+        assert_eq!(object["frame"], i);
+        assert!(object["milliseconds"].as_f64().unwrap() > 0.0);
+        assert_eq!(object["score"].as_f64().is_some_and(|s| (0.0..=1.0).contains(&s)), i > 0, "{line}");
+    }
+    assert_eq!(stdout(&json).lines().count(), 6);
+
+    let third: Vec<String> = boxes(&lines)[2].iter().map(|n| n.to_string()).collect();
+    let part = run(
+        ["track", "--input", input, "--init", &third.join(","), "--start", "2", "--end", "5", "--json"],
+        b"",
+    );
+    let numbers: Vec<Value> = stdout(&part)
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap()["frame"].clone())
+        .collect();
+    assert_eq!(numbers, [2, 3, 4]);
+}
+
+/// The same pixels give the same boxes, however they come in.
+#[test]
+fn every_way_in_gives_the_same_boxes() {
+    let (frames, init) = flight(4);
+    let folder = folder("cli-ways");
+    write_pngs(&folder, &frames);
+    let rgb = frames.concat();
+    let bgr: Vec<u8> = rgb.chunks_exact(3).flat_map(|p| [p[2], p[1], p[0]]).collect();
+    let header = format!("P6\n{} {}\n255\n", SIZE.0, SIZE.1);
+    let ppm: Vec<u8> = frames.iter().flat_map(|frame| [header.as_bytes(), frame].concat()).collect();
+    let size = format!("{}x{}", SIZE.0, SIZE.1);
+    let file = folder.join("frames.ppm");
+    std::fs::write(&file, &ppm).unwrap();
+
+    let track = |more: &[&str], stdin: &[u8]| {
+        let output = run(["track", "--init", &init, "--input"].iter().chain(more), stdin);
+        assert!(output.status.success(), "{more:?}: {}", stderr(&output));
+        stdout(&output)
+    };
+    let expected = track(&[text(&folder)], b"");
+    assert_eq!(expected.lines().count(), 4);
+    assert_eq!(track(&[text(&folder.join("img*.png"))], b""), expected);
+    assert_eq!(track(&["-", "--raw", &size, "--pix", "rgb24"], &rgb), expected);
+    assert_eq!(track(&["-", "--raw", &size, "--pix", "bgr24"], &bgr), expected);
+    assert_eq!(track(&["-"], &ppm), expected);
+    assert_eq!(track(&[text(&file)], b""), expected);
+
+    // Gray bytes and gray pictures; and YUV without colour is nearly gray.
+    let gray: Vec<u8> = rgb.chunks_exact(3).map(|p| p[1]).collect();
+    let raw = track(&["-", "--raw", &size, "--pix", "gray"], &gray);
+    let frame = SIZE.0 * SIZE.1;
+    let mut y4m = format!("YUV4MPEG2 W{} H{} F30:1 Cmono\n", SIZE.0, SIZE.1).into_bytes();
+    for plane in gray.chunks_exact(frame) {
+        y4m.extend(b"FRAME\n");
+        y4m.extend(plane);
+    }
+    assert_eq!(track(&["-"], &y4m), raw);
+    let full: Vec<u8> = gray.chunks_exact(frame).flat_map(|p| [p, &vec![128; frame / 2]].concat()).collect();
+    let mut y4m = format!("YUV4MPEG2 W{} H{} C420jpeg XCOLORRANGE=FULL\n", SIZE.0, SIZE.1).into_bytes();
+    for planes in full.chunks_exact(frame * 3 / 2) {
+        y4m.extend(b"FRAME\n");
+        y4m.extend(planes);
+    }
+    assert_eq!(track(&["-"], &y4m), raw);
+}
+
+#[test]
+fn frames_may_change_their_size() {
+    let mut stream = Vec::new();
+    for (w, h) in [(64, 48), (64, 48), (160, 90), (33, 77), (1, 1), (64, 48)] {
+        stream.extend(format!("P6 {w} {h} 255\n").into_bytes());
+        stream.extend((0..3 * w * h).map(|i| (i * 37 % 251) as u8));
+    }
+    let gif = folder("cli-sizes").join("film.gif");
+    let output = run(["track", "--input", "-", "--init", "20,10,16,16", "--overlay", text(&gif)], &stream);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(boxes(&stdout(&output)).len(), 6);
+    assert!(std::fs::metadata(&gif).unwrap().len() > 100);
+}
+
+#[test]
+fn pictures_of_the_boxes() {
+    let (frames, init) = flight(4);
+    let folder = folder("cli-overlay");
+    write_pngs(&folder, &frames);
+    let drawn = folder.join("drawn");
+    let output = run(
+        ["track", "--input", text(&folder), "--init", &init, "--start", "1", "--overlay", text(&drawn)],
+        b"",
+    );
+    assert!(output.status.success(), "{}", stderr(&output));
+    let mut names: Vec<String> = std::fs::read_dir(&drawn)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["000001.jpg", "000002.jpg", "000003.jpg"]);
+    let bbox = &boxes(&init)[0];
+    let picture = image::open(drawn.join("000001.jpg")).unwrap().into_rgb8();
+    assert_eq!(picture.dimensions(), (SIZE.0 as u32, SIZE.1 as u32));
+    let edge = picture.get_pixel((bbox[0] + bbox[2] / 2.0) as u32, bbox[1].round() as u32 - 1).0;
+    assert!(edge[0] > 180 && edge[2] < 120, "no amber outline: {edge:?}");
+}
+
+/// One test for all of ffmpeg, so that no other process holds a script while it starts.
+#[cfg(unix)]
+#[test]
+fn video_through_ffmpeg() {
+    let (frames, init) = flight(4);
+    let place = folder("cli-video");
+    let clip = place.join("clip.mp4");
+    std::fs::write(&clip, b"not really a video").unwrap();
+    let header = format!("P6\n{} {}\n255\n", SIZE.0, SIZE.1);
+    let ppm: Vec<u8> = frames.iter().flat_map(|frame| [header.as_bytes(), frame].concat()).collect();
+    std::fs::write(place.join("frames"), &ppm).unwrap();
+
+    // As decoder it prints the frames, as encoder it keeps what it is given.
+    let script = format!(
+        "case \"$*\" in *pipe:1*) cat '{}' ;; *) for last; do :; done; cat > \"${{last#file:}}\" ;; esac",
+        text(&place.join("frames"))
+    );
+    let path = program::fake_ffmpeg("cli-video-bin", &script);
+    let film = place.join("film.mp4");
+    let args = ["track", "--input", text(&clip), "--init", &init, "--overlay", text(&film)];
+    let output = run_with(program(args).env("PATH", &path), b"");
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(boxes(&stdout(&output)).len(), 4);
+    assert_eq!(std::fs::read(&film).unwrap().len(), frames.concat().len());
+
+    let part = run_with(program(args).args(["--start", "1", "--end", "3"]).env("PATH", &path), b"");
+    assert!(part.status.success() && boxes(&stdout(&part)).len() == 2, "{}", stderr(&part));
+}
+
+#[test]
+fn a_closed_pipe_is_a_quiet_end() {
+    let (frames, init) = flight(8);
+    let folder = folder("cli-pipe");
+    write_pngs(&folder, &frames);
+    let mut child = program(["track", "--input", text(&folder), "--init", &init])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    assert_eq!(line.trim_end(), init);
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{:?}", output.status);
+    assert_eq!(stderr(&output), "");
+}
+
+#[test]
+fn the_demo_shows_and_measures() {
+    let out = folder("cli-demo");
+    let output = run(["demo", "--frames", "30", "--json", "--out", text(&out)], b"");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let last = stdout(&output).lines().last().unwrap().to_string();
+    let result: Value = serde_json::from_str(&last).unwrap();
+    assert_eq!(result["frames"], 30);
+    assert!(result["fps"].as_f64().unwrap() > 0.0);
+    assert!((0.0..=1.0).contains(&result["precision_20"].as_f64().unwrap()));
+    assert!(result["mean_iou"].as_f64().unwrap() > 0.3, "the object was lost at once: {last}");
+    for (file, least) in [("demo.gif", 50_000), ("sheet.png", 50_000)] {
+        let bytes = std::fs::metadata(out.join(file)).unwrap().len();
+        assert!((least..6_000_000).contains(&bytes), "{file}: {bytes} bytes");
+        assert!(stderr(&output).contains(file));
+    }
+    let sheet = image::open(out.join("sheet.png")).unwrap();
+    assert_eq!((sheet.width(), sheet.height()), (1330, 634));
+}
+
+#[test]
+fn info_counts_as_the_papers_do() {
+    let paper = "76,224,337,334,256,256,256,230,138,224,227,145,224";
+    for (args, parameters) in [
+        (&["info", "--widths", paper][..], "7,489,986"),
+        (&["info", "--widths", "full"], "9,655,380"),
+        (&["info", "--widths", "P50"], "2,425,396"),
+        (&["info", "--widths", "48,128,192,192,128,128", "--encoder", "3x3"], "2,573,236"),
+        (&["info", "--widths", "half", "--encoder", "1x1"], "2,442,164"),
+        (&["info", "builtin"], "head.offsets"),
+    ] {
+        let output = run(args, b"");
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(stdout(&output).contains(parameters), "{args:?}: {}", stdout(&output));
+    }
+    let output = run(["info", "--widths", paper, "--json"], b"");
+    let object: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(object["parameters"], 7_489_986);
+    assert_eq!(object["widths"].as_array().unwrap().len(), 13);
+    let layers = object["layers"].as_array().unwrap();
+    let sum = |key: &str| layers.iter().map(|layer| layer[key].as_u64().unwrap()).sum::<u64>();
+    assert_eq!(sum("macs_search"), object["macs_search"].as_u64().unwrap());
+    assert_eq!(sum("parameters") + 2, 7_489_986);
+}
+
+#[test]
+fn a_weights_file_of_ones_own() {
+    use weights_format::{Architecture, Encoder, Weights, Widths};
+    let (frames, init) = flight(3);
+    let folder = folder("cli-model");
+    write_pngs(&folder, &frames);
+    let file = folder.join("tiny.safetensors");
+    let architecture = Architecture::new(Widths::pruned(0.9), Some(Encoder::standard(25)));
+    Weights::random(architecture, 5).write(&file).unwrap();
+    let output = run(["track", "--input", text(&folder), "--init", &init, "--model", text(&file)], b"");
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(boxes(&stdout(&output)).len(), 3);
+    let about = run(["info", text(&file)], b"");
+    assert!(stdout(&about).contains("9,25,38,38,25,25"), "{}", stdout(&about));
+}
+
+#[test]
+fn bench_reports_everything() {
+    let args = ["bench", "--frames", "4", "--widths", "P90", "--encoder", "3x3", "--json"];
+    let output = run(args, b"");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let object: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    for key in ["fps", "init_ms", "gflops", "prepared_frames_mib"] {
+        assert!(object[key].as_f64().unwrap() > 0.0, "{key}");
+    }
+    let latency = |key: &str| object["latency_ms"][key].as_f64().unwrap();
+    assert!(latency("p50") <= latency("p95") && latency("p99") <= latency("max"));
+    let stages: f64 = object["stages_ms"].as_object().unwrap().values().map(|v| v.as_f64().unwrap()).sum();
+    assert!(
+        stages > 0.8 * latency("mean") && stages < 1.01 * latency("mean"),
+        "{stages} of {}",
+        latency("mean")
+    );
+    assert!(object["layers"].as_array().unwrap().iter().any(|layer| layer["name"] == "dr.e2.0"));
+    let text = stdout(&run(["bench", "--frames", "2", "--widths", "P90"], b""));
+    for part in ["FPS", "p99", "backbone", "GFLOP/s", "MiB"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+}
+
+#[test]
+fn the_worker_speaks_its_protocol() {
+    let output =
+        run(["bench", "--worker", "--widths", "P90", "--encoder", "none", "--precision", "f32"], b"3\n1\n");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = stdout(&output);
+    let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(' ').collect()).collect();
+    assert_eq!(lines[0], ["READY"]);
+    assert_eq!(lines.iter().map(Vec::len).collect::<Vec<_>>(), [1, 3, 1]);
+    assert!(lines[1..].iter().flatten().all(|time| time.parse::<f64>().unwrap() > 0.0));
+}
+
+#[test]
+fn the_doctor_finds_this_machine_well() {
+    let output = run(["doctor", "--json"], b"");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let object: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(object["passed"], true);
+    let tested = object["self_test"].as_array().unwrap().len();
+    assert_eq!(tested, object["isas"].as_array().unwrap().len());
+    assert!(object["speed"][0]["fps"].as_f64().unwrap() > 0.0);
+    assert!(stdout(&run(["doctor"], b"")).contains("passed"));
+}
+
+#[test]
+fn help_teaches() {
+    for (args, parts) in [
+        (&["--help"][..], &["Exit codes", "track-cpu demo"][..]),
+        (&["track", "--help"], &["rtsp://", "yuv420p", "--overlay"]),
+        (&["demo", "--help"], &["IoU"]),
+        (&["info", "--help"], &["7,489,986"]),
+        (&["bench", "--help"], &["GFLOP/s"]),
+    ] {
+        let output = run(args, b"");
+        assert!(output.status.success());
+        for part in parts {
+            assert!(stdout(&output).contains(part), "{args:?}: {part}");
+        }
+    }
+}
