@@ -229,11 +229,8 @@ pub(crate) fn cast(
     for i in 0..count {
         let copy = rng.chance(alike);
         let own = if copy { kind } else { rng.pick(TargetKind::of(land.biome)) };
-        let kind = if [own, kind].contains(&TargetKind::Boat) || own.on_foot_or_bicycle() != small {
-            kind
-        } else {
-            own
-        };
+        let mixed = own.on_foot_or_bicycle() == small && (!small || land.biome == Biome::Park);
+        let kind = if !mixed || [own, kind].contains(&TargetKind::Boat) { kind } else { own };
         let body = if copy { actors[0].body.clone() } else { Body::new(kind, rng) };
         let lead = actors[0].route;
         let gap = spread * rng.range(0.75, 1.6);

@@ -14,17 +14,19 @@
 //! assert!(truth.visible > 0.9);
 //! ```
 //!
-//! How a frame comes about: `flight` decides and draws; `land` and `palette` say what the country is like; `ground`
-//! paints it into the `map`, once; `layout` says what stands on it (`buildings`, `trees`), `actors` what moves over it
-//! (`vehicles`, `people`); `camera` says where it is seen from; `raster` draws things over the ground; `lens` adds
-//! blur and noise.
+//! How a frame comes about: `flight` decides, by the numbers of `preset`; `land` and `palette` say what the country is
+//! like; `ground` paints it into the `map`, once; `layout` and `furnish` put things on it (`buildings`, `trees`),
+//! `actors` says what moves over it (`vehicles`, `people`), `camera` where it is seen from. `draw` makes a frame of all
+//! that through `raster` and `fill`; `lens` adds blur and noise. `mesh`, `math` and `rng` serve the others.
 #![forbid(unsafe_code)]
 
 mod actors;
 mod buildings;
 mod camera;
+mod draw;
 mod fill;
 mod flight;
+mod furnish;
 mod ground;
 mod land;
 mod layout;
@@ -34,6 +36,7 @@ mod math;
 mod mesh;
 mod palette;
 mod people;
+mod preset;
 mod raster;
 mod rng;
 #[cfg(test)]

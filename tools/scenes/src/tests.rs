@@ -1,6 +1,7 @@
 //! Flights as their users see them: the same bytes every time, exact boxes, events that happen.
 
-use crate::flight::{RATE, Show};
+use crate::draw::Show;
+use crate::flight::RATE;
 use crate::{Difficulty, Flight, FlightConfig, FrameBuffer, TargetKind, TruthBox};
 
 const ALL: [Difficulty; 3] = [Difficulty::Easy, Difficulty::Medium, Difficulty::Hard];

@@ -343,8 +343,8 @@ pub(crate) fn canopy(rng: &mut Rng, radius: f32, z: f32) -> Mesh {
     m
 }
 
-/// A stretch of bridge deck, 8 m long in y, `half` wide in x, its upper side at `z`, with or without a pier below.
-pub(crate) fn deck(half: f32, z: f32, surface: Rgb, rim: Rgb, pier: bool) -> Mesh {
+/// A stretch of bridge deck, 8 m long in y, `half` wide in x, its upper side at `z`.
+pub(crate) fn deck(half: f32, z: f32, surface: Rgb, rim: Rgb) -> Mesh {
     let mut m = Mesh::default();
     m.cuboid((0.0, 0.0), v3(2.0 * half, 8.06, 0.9), z - 0.9, Coat { top: surface, ..coat(rim, 0.0) });
     for side in [-1.0, 1.0] {
@@ -352,9 +352,6 @@ pub(crate) fn deck(half: f32, z: f32, surface: Rgb, rim: Rgb, pier: bool) -> Mes
     }
     // Stretches join one another: no ends.
     m.faces.retain(|f| f.normal.y.abs() < 0.5);
-    if pier {
-        m.cuboid((0.0, 0.0), v3(half * 1.1, 0.9, z - 0.9), 0.0, coat(tone(rim, 0.9), 0.0));
-    }
     for side in [-1.0, 1.0] {
         m.lid(
             (side * (half - 0.9), side * (half - 0.75)),
