@@ -1,0 +1,123 @@
+//! How much is changed about a pair, and how often.
+
+/// Strengths and probabilities of all changes. The presets are [`none`](Self::none) (spec section 3.2 and nothing else),
+/// [`light`](Self::light) and [`strong`](Self::strong).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Augment {
+    /// Reach of the logarithm of the search crop's scale.
+    pub scale: f32,
+    /// Reach of the target's place in the search crop, as a share of half its side.
+    pub shift: f32,
+    /// Probability of exchanging left and right.
+    pub mirror: f32,
+    /// Probability of a quarter turn or more: pictures from above have no upside.
+    pub quarter: f32,
+    /// Reach of the angle between the crops in degrees; three times that for stills.
+    pub rotation: f32,
+    /// Reach of the logarithm of the stretch between the crops; three times that for stills.
+    pub aspect: f32,
+    /// Probability that both crops have another light and colour than the picture.
+    pub shared_color: f32,
+    /// Probability that the search crop differs from the template in light and colour; twice that for stills.
+    pub own_color: f32,
+    /// Probability of gray crops.
+    pub gray: f32,
+    /// Probability of crops with more or less colour.
+    pub saturation: f32,
+    /// Probability of negative colours, for stills.
+    pub invert: f32,
+    /// Probability per crop of a Gaussian blur.
+    pub blur: f32,
+    /// Probability per crop of motion blur.
+    pub motion_blur: f32,
+    /// Probability per crop of sensor noise.
+    pub noise: f32,
+    /// Probability per crop of JPEG artefacts.
+    pub jpeg: f32,
+    /// Probability of a lower resolution of all crops together.
+    pub low_resolution: f32,
+    /// Probability of pasted look-alikes in the search picture.
+    pub distractors: f32,
+    /// Probability of something pasted over a part of the target.
+    pub occluder: f32,
+}
+
+impl Augment {
+    /// Only scale and place vary (spec section 3.2).
+    pub const fn none() -> Augment {
+        Augment {
+            scale: 0.262, // ln 1.3
+            shift: 0.4,
+            mirror: 0.0,
+            quarter: 0.0,
+            rotation: 0.0,
+            aspect: 0.0,
+            shared_color: 0.0,
+            own_color: 0.0,
+            gray: 0.0,
+            saturation: 0.0,
+            invert: 0.0,
+            blur: 0.0,
+            motion_blur: 0.0,
+            noise: 0.0,
+            jpeg: 0.0,
+            low_resolution: 0.0,
+            distractors: 0.0,
+            occluder: 0.0,
+        }
+    }
+
+    /// Mild: for much and varied data.
+    pub const fn light() -> Augment {
+        Augment {
+            mirror: 0.5,
+            rotation: 2.0,
+            aspect: 0.02,
+            shared_color: 0.4,
+            own_color: 0.2,
+            gray: 0.1,
+            saturation: 0.15,
+            blur: 0.06,
+            motion_blur: 0.06,
+            noise: 0.06,
+            jpeg: 0.06,
+            low_resolution: 0.15,
+            distractors: 0.1,
+            occluder: 0.03,
+            ..Augment::none()
+        }
+    }
+
+    /// Everything: for little data.
+    pub const fn strong() -> Augment {
+        Augment {
+            mirror: 0.5,
+            quarter: 0.15,
+            rotation: 4.0,
+            aspect: 0.035,
+            shared_color: 0.7,
+            own_color: 0.35,
+            gray: 0.15,
+            saturation: 0.3,
+            invert: 0.03,
+            blur: 0.15,
+            motion_blur: 0.14,
+            noise: 0.12,
+            jpeg: 0.12,
+            low_resolution: 0.3,
+            distractors: 0.3,
+            occluder: 0.08,
+            ..Augment::none()
+        }
+    }
+
+    /// The preset of a name: `none`, `light` or `strong`.
+    pub fn from_name(name: &str) -> Option<Augment> {
+        match name {
+            "none" => Some(Augment::none()),
+            "light" => Some(Augment::light()),
+            "strong" => Some(Augment::strong()),
+            _ => None,
+        }
+    }
+}

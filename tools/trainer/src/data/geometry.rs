@@ -1,0 +1,248 @@
+//! From a target in a picture to its crops (spec sections 2.2 and 3.2).
+
+use super::augment::Augment;
+use super::picture::Picture;
+use super::warp::{Grid, warp};
+use crate::rng::Rng;
+use std::sync::Arc;
+use track_cpu::BBox;
+use track_cpu::crop::{Region, scale};
+
+/// A target in a picture.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// The picture.
+    pub picture: Arc<Picture>,
+    /// The target's box in it.
+    pub bbox: BBox,
+}
+
+/// Corners of a box in crop pixels, pixel centres inclusive: left, top, right, bottom (spec section 3.2).
+pub type Corners = [f32; 4];
+
+/// Side of the template crop.
+pub const TEMPLATE_SIZE: usize = 127;
+
+/// Context around the target, as a share of (w + h).
+const CONTEXT: f64 = 0.5;
+
+/// How all crops of one pair are turned: quarter turns, then mirrored or not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pose {
+    /// Quarter turns, 0..4.
+    pub quarters: u8,
+    /// Whether left and right change places.
+    pub mirrored: bool,
+}
+
+/// What is different about a search crop, in crop pixels and factors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Jitter {
+    scale: f64, // of the target
+    aspect: f64,
+    angle: f64, // radians
+    shift: [f64; 2],
+}
+
+const STILL: Jitter = Jitter { scale: 1.0, aspect: 1.0, angle: 0.0, shift: [0.0; 2] };
+
+/// 2x2 matrix, row-major.
+type Matrix = [[f64; 2]; 2];
+
+impl Pose {
+    /// Picture offset of a crop offset at `scale` crop pixels per picture pixel.
+    fn matrix(self, scale: f64, jitter: &Jitter) -> Matrix {
+        let (sin, cos) = jitter.angle.sin_cos();
+        // Whole quarters are exact: no rounding of sines.
+        let (sin, cos) = match self.quarters % 4 {
+            0 => (sin, cos),
+            1 => (cos, -sin),
+            2 => (-sin, -cos),
+            _ => (-cos, sin),
+        };
+        let across = if self.mirrored { -1.0 } else { 1.0 } / (scale * jitter.aspect);
+        let down = jitter.aspect / scale;
+        [[cos * across, -sin * down], [sin * across, cos * down]]
+    }
+}
+
+/// The template crop, `[127, 127, 3]` BGR: as the tracker cuts it, turned by the pose.
+pub fn template(view: &View, pose: Pose) -> Vec<u8> {
+    let BBox { w, h, .. } = view.bbox;
+    let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE);
+    let region = Region::around(&view.bbox.center(), scale, TEMPLATE_SIZE);
+    let crop_scale = (TEMPLATE_SIZE - 1) as f64 / (region.side - 1.0);
+    cut(view, &pose.matrix(crop_scale, &STILL), [0.0; 2], TEMPLATE_SIZE)
+}
+
+/// A search crop of `size` pixels, `[size, size, 3]` BGR, and the target's corners in it.
+///
+/// Scale, place, and as far as `augment` says angle and aspect are random; a `still` (a frame paired with itself) is
+/// turned and stretched more. The whole box lies within the crop, or nothing is changed.
+pub fn search(
+    view: &View,
+    pose: Pose,
+    size: usize,
+    still: bool,
+    augment: &Augment,
+    rng: &mut Rng,
+) -> (Vec<u8>, Corners) {
+    let BBox { w, h, .. } = view.bbox;
+    let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE);
+    for _ in 0..50 {
+        let jitter = jitter(size, still, augment, rng);
+        let matrix = pose.matrix(scale * jitter.scale, &jitter);
+        let corners = corners(&view.bbox, &matrix, jitter.shift, size);
+        let inside = |v: &f32| (0.0..=(size - 1) as f32).contains(v);
+        if corners.iter().all(inside) {
+            return (cut(view, &matrix, jitter.shift, size), corners);
+        }
+    }
+    let matrix = pose.matrix(scale, &STILL);
+    (cut(view, &matrix, [0.0; 2], size), corners(&view.bbox, &matrix, [0.0; 2], size))
+}
+
+fn jitter(size: usize, still: bool, augment: &Augment, rng: &mut Rng) -> Jitter {
+    let more = if still { 3.0 } else { 1.0 };
+    let mut spread = |reach: f32| f64::from(rng.range(-reach, reach));
+    let reach = augment.shift * size as f32 / 2.0;
+    let (scale, aspect) = (spread(augment.scale).exp(), spread(augment.aspect * more).exp());
+    let (angle, shift) = (spread(augment.rotation * more).to_radians(), [spread(reach), spread(reach)]);
+    let turned = rng.chance(0.6);
+    Jitter { scale, aspect, angle: if turned { angle } else { 0.0 }, shift }
+}
+
+/// Samples the crop whose pixel `centre + shift` is the box's centre.
+fn cut(view: &View, matrix: &Matrix, shift: [f64; 2], side: usize) -> Vec<u8> {
+    let centre = view.bbox.center();
+    let reach = (side - 1) as f64 / 2.0;
+    let from = [-reach - shift[0], -reach - shift[1]]; // crop pixel (0, 0)
+    let origin = [0, 1].map(|k| matrix[k][0] * from[0] + matrix[k][1] * from[1]);
+    let grid = Grid {
+        origin: [origin[0] + f64::from(centre.cx), origin[1] + f64::from(centre.cy)],
+        across: [matrix[0][0], matrix[1][0]],
+        down: [matrix[0][1], matrix[1][1]],
+        side,
+    };
+    warp(&view.picture, &grid)
+}
+
+/// The target's box in the crop: that of the ellipse within its box, which a small turn changes as it changes most
+/// things' boxes, and a quarter turn exactly.
+fn corners(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Corners {
+    let [[a, b], [c, d]] = *matrix;
+    let determinant = a * d - b * c;
+    let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
+    let extent = [(d * w).hypot(b * h), (c * w).hypot(a * h)].map(|e| e / determinant.abs());
+    let middle = shift.map(|s| (side - 1) as f64 / 2.0 + s);
+    let half = extent.map(|e| (e - 1.0) / 2.0);
+    [middle[0] - half[0], middle[1] - half[1], middle[0] + half[0], middle[1] + half[1]].map(|v| v as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kernels::par::Threads;
+    use track_cpu::crop::Cropper;
+
+    /// A black picture with a white rectangle that fills the box.
+    fn view(bbox: BBox) -> View {
+        let (width, height) = (200, 160);
+        let mut data = vec![0; 3 * width * height];
+        for y in bbox.y as usize..(bbox.y + bbox.h) as usize {
+            for x in bbox.x as usize..(bbox.x + bbox.w) as usize {
+                data[(y * width + x) * 3..][..3].fill(255);
+            }
+        }
+        View { picture: Arc::new(Picture::new(width, height, data)), bbox }
+    }
+
+    /// Tight box of what is brighter than half.
+    fn bright(crop: &[u8], side: usize) -> Corners {
+        let mut found = [f32::MAX, f32::MAX, f32::MIN, f32::MIN];
+        for (i, pixel) in crop.chunks(3).enumerate() {
+            if pixel[0] > 127 {
+                let (x, y) = ((i % side) as f32, (i / side) as f32);
+                found = [found[0].min(x), found[1].min(y), found[2].max(x), found[3].max(y)];
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn the_template_is_the_trackers() {
+        let view = view(BBox::new(60.0, 50.0, 37.0, 21.0));
+        let scale = scale(37.0, 21.0, 0.5, 127);
+        let region = Region::around(&view.bbox.center(), scale, 127);
+        let mut expected = vec![0; 127 * 127 * 3];
+        let picture = &view.picture;
+        Cropper::default().cut(&Threads::new(1), &picture.frame(), &region, picture.border, &mut expected);
+        let found = template(&view, Pose::default());
+        let worst = found.iter().zip(&expected).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(worst <= Some(1), "{worst:?}");
+    }
+
+    #[test]
+    fn corners_lie_on_the_target_in_every_pose() {
+        let augment = Augment { rotation: 0.0, ..Augment::strong() };
+        let mut rng = Rng::new(3, 3, 3);
+        for size in [239, 303] {
+            for quarters in 0..4 {
+                for mirrored in [false, true] {
+                    for bbox in [BBox::new(60.0, 50.0, 37.0, 21.0), BBox::new(2.0, 3.0, 16.0, 30.0)] {
+                        let pose = Pose { quarters, mirrored };
+                        let view = view(bbox);
+                        let (crop, corners) = search(&view, pose, size, true, &augment, &mut rng);
+                        for (found, expected) in bright(&crop, size).iter().zip(corners) {
+                            let error = (found - expected).abs();
+                            assert!(error < 2.5, "{found}, expected {expected} at {pose:?} {bbox:?}");
+                        }
+                        let middle = bright(&template(&view, pose), 127);
+                        let centre = [(middle[0] + middle[2]) / 2.0, (middle[1] + middle[3]) / 2.0];
+                        assert!(centre.iter().all(|c| (c - 63.0).abs() < 1.5), "{centre:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn poses_turn_template_and_search_crop_alike() {
+        // A bright dot right of the target's centre goes down with one quarter turn of the picture's grid.
+        let mut picture = Picture::new(101, 101, vec![0; 3 * 101 * 101]);
+        picture.data[(50 * 101 + 60) * 3..][..3].fill(255);
+        let bbox = BBox::new(35.0, 35.0, 31.0, 31.0);
+        let view = View { picture: Arc::new(picture), bbox };
+        let none = Augment::none();
+        let quiet = Augment { scale: 0.0, shift: 0.0, ..none };
+        for (quarters, mirrored) in [(0, false), (1, false), (2, true), (3, true), (3, false)] {
+            let pose = Pose { quarters, mirrored };
+            let centre = |crop: &[u8], side: usize| {
+                let best = crop.chunks(3).enumerate().max_by_key(|(_, p)| p[0]).unwrap().0;
+                let middle = (side - 1) as f32 / 2.0;
+                [(best % side) as f32 - middle, (best / side) as f32 - middle]
+            };
+            let z = centre(&template(&view, pose), 127);
+            let x = centre(&search(&view, pose, 303, false, &quiet, &mut Rng::new(0, 0, 0)).0, 303);
+            assert!((z[0] - x[0]).abs() < 2.0 && (z[1] - x[1]).abs() < 2.0, "{pose:?}: {z:?} {x:?}");
+        }
+    }
+
+    #[test]
+    fn scale_and_place_vary_within_their_bounds() {
+        let view = view(BBox::new(60.0, 50.0, 37.0, 37.0));
+        let mut rng = Rng::new(1, 2, 3);
+        let side = f64::from(37.0f32) * scale(37.0, 37.0, 0.5, 127);
+        let (mut sizes, mut places) = (Vec::new(), Vec::new());
+        for _ in 0..300 {
+            let (_, [x0, y0, x1, y1]) =
+                search(&view, Pose::default(), 303, false, &Augment::none(), &mut rng);
+            sizes.push(f64::from(x1 - x0 + 1.0) / side);
+            places.extend([f64::from(x0 + x1) / 2.0 - 151.0, f64::from(y0 + y1) / 2.0 - 151.0]);
+        }
+        let bounds = |v: &[f64]| v.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        let ((least, most), (left, right)) = (bounds(&sizes), bounds(&places));
+        assert!(least > 1.0 / 1.301 && least < 0.8 && most < 1.301 && most > 1.25, "{least}..{most}");
+        assert!(left > -60.7 && left < -57.0 && right < 60.7 && right > 57.0, "{left}..{right}");
+    }
+}

@@ -1,0 +1,332 @@
+//! Training data: from files and rendered flights to pairs of crops.
+//!
+//! | file | what is in it |
+//! |---|---|
+//! | `spec` | what the user says to train on |
+//! | `rows`, `sequences` | annotation files and folders of sequences, read |
+//! | `tracks`, `pairs` | targets and their frames; which two make a pair |
+//! | `picture` | decoded pictures, kept in memory within a bound |
+//! | `flights` | rendered flights |
+//! | `paste` | things cut out of pictures and pasted into others |
+//! | `geometry`, `warp` | from a target in a picture to its crops |
+//! | `augment`, `photo`, `filters` | what is changed about them |
+//! | `feed` | batches made ahead, on threads of their own |
+//!
+//! Everything about sample number `i` follows from the seed and `i`.
+
+pub mod augment;
+pub mod feed;
+pub mod filters;
+pub mod flights;
+pub mod geometry;
+pub mod pairs;
+pub mod paste;
+pub mod photo;
+pub mod picture;
+pub mod rows;
+pub mod sequences;
+pub mod skipped;
+pub mod spec;
+pub mod tracks;
+pub mod warp;
+
+use crate::error::Error;
+use crate::rng::Rng;
+use augment::Augment;
+use flights::Flights;
+use geometry::{Corners, Pose, View};
+use pairs::PairRules;
+use paste::Cutout;
+use picture::{Album, Picture, PictureId};
+use skipped::Skipped;
+use spec::{DataSpec, What};
+use std::path::Path;
+use std::sync::Arc;
+use tracks::{Tracks, running};
+
+/// How pairs are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DataOptions {
+    /// Decides everything random.
+    pub seed: u64,
+    /// Share of pairs whose template is another target's.
+    pub negatives: f32,
+    /// What is changed about the crops.
+    pub augment: Augment,
+    /// Which two frames make a pair.
+    pub rules: PairRules,
+    /// Most bytes of decoded pictures that are kept.
+    pub cache_bytes: usize,
+    /// Pairs that one rendered flight serves.
+    pub pairs_per_flight: f64,
+}
+
+impl Default for DataOptions {
+    fn default() -> DataOptions {
+        DataOptions {
+            seed: 0,
+            negatives: 0.1,
+            augment: Augment::strong(),
+            rules: PairRules::default(),
+            cache_bytes: 8 << 30,
+            pairs_per_flight: 120.0,
+        }
+    }
+}
+
+/// One pair of crops with its target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// The template crop, `[127, 127, 3]` BGR.
+    pub template: Vec<u8>,
+    /// The search crop, `[search_size, search_size, 3]` BGR.
+    pub search: Vec<u8>,
+    /// The template crop of the target in the search picture, `[127, 127, 3]` BGR (spec section 3.7, Z').
+    pub again: Vec<u8>,
+    /// Side of the search crop.
+    pub search_size: usize,
+    /// The target in the search crop.
+    pub corners: Corners,
+    /// Whether the template shows another target.
+    pub negative: bool,
+    /// Number of the source, in the order of the options.
+    pub source: usize,
+}
+
+/// Sources of pairs, mixed.
+#[derive(Debug)]
+pub struct Dataset {
+    options: DataOptions,
+    album: Album,
+    sources: Vec<Source>,
+    names: Vec<String>,
+    cumulative: Vec<f64>,
+    material: Vec<PictureId>, // what distractors and occluders are cut out of
+}
+
+#[derive(Debug)]
+enum Source {
+    Tracks(Tracks),
+    Flights(Flights),
+    Patches(Vec<PictureId>),
+    Paste(Vec<PictureId>),
+}
+
+/// Two views of one target.
+struct Pair {
+    first: View,
+    second: View,
+    /// Whether both show one moment.
+    still: bool,
+    /// How many distractors belong to it.
+    distractors: usize,
+}
+
+impl Dataset {
+    /// Opens all sources. What is skipped on the way is printed to standard error.
+    ///
+    /// # Errors
+    /// If a source cannot be read, or nothing of it can be used.
+    pub fn open(specs: &[DataSpec], options: DataOptions) -> Result<Dataset, Error> {
+        if specs.is_empty() {
+            return Err(Error::option("--data", "at least one source", "none"));
+        }
+        let mut album = Album::new(options.cache_bytes);
+        let mut sources = Vec::with_capacity(specs.len());
+        let total: f64 = specs.iter().map(|spec| spec.share).sum();
+        for spec in specs {
+            let mut skipped = Skipped::default();
+            let source = open(spec, total, &options, &mut album, &mut skipped)?;
+            eprint!("{skipped}");
+            if source.is_empty() {
+                let (data, what) = (spec.to_string(), source.unit().to_string());
+                return Err(Error::NoData { data, what, skipped: skipped.count() });
+            }
+            eprintln!("{spec}: {}", source.describe());
+            sources.push(source);
+        }
+        let material = (0..album.len() as u32).map(PictureId).collect();
+        let names = specs.iter().map(DataSpec::to_string).collect();
+        let cumulative = running(specs.iter().map(|spec| spec.share));
+        Ok(Dataset { options, album, sources, names, cumulative, material })
+    }
+
+    /// The sources as the user wrote them.
+    pub fn sources(&self) -> &[String] {
+        &self.names
+    }
+
+    /// How pairs are made.
+    pub fn options(&self) -> &DataOptions {
+        &self.options
+    }
+
+    /// Sample number `index`, with a search crop of `search_size` pixels.
+    ///
+    /// Panics if not one picture of the sources can be read any more.
+    pub fn sample(&self, index: u64, search_size: usize) -> Sample {
+        let mut rng = Rng::new(self.options.seed, 0xda7a, index);
+        let negative = rng.chance(self.options.negatives);
+        let (source, mut pair) = self.pair(index, &mut rng);
+        let other = negative.then(|| self.pair(index, &mut rng).1.first);
+        self.populate(&mut pair, index, &mut rng);
+
+        let augment = &self.options.augment;
+        let quarter = augment.quarter * if pair.still { 2.0 } else { 1.0 };
+        let pose = Pose {
+            quarters: if rng.chance(quarter) { 1 + rng.below(3) as u8 } else { 0 },
+            mirrored: rng.chance(augment.mirror),
+        };
+        let template = geometry::template(other.as_ref().unwrap_or(&pair.first), pose);
+        let again = geometry::template(&pair.second, pose);
+        let (search, corners) =
+            geometry::search(&pair.second, pose, search_size, pair.still, augment, &mut rng);
+        let crops = [template, search, again];
+        let [template, search, again] = photo::develop(crops, pair.still, augment, &mut rng);
+        Sample { template, search, again, search_size, corners, negative, source }
+    }
+
+    /// Two views of one target and the number of their source. A source that fails (a picture that cannot be read) is
+    /// asked again, and others after it.
+    fn pair(&self, index: u64, rng: &mut Rng) -> (usize, Pair) {
+        for _ in 0..1000 {
+            let source = rng.weighted(&self.cumulative);
+            if let Some(pair) = self.pair_of(&self.sources[source], index, rng) {
+                return (source, pair);
+            }
+        }
+        panic!("no readable picture in 1000 tries");
+    }
+
+    fn pair_of(&self, source: &Source, index: u64, rng: &mut Rng) -> Option<Pair> {
+        let pair = |first, second, still| Some(Pair { first, second, still, distractors: 0 });
+        match source {
+            Source::Tracks(tracks) => {
+                let (track, first, second) = tracks.draw_pair(rng);
+                let view = |shot: tracks::Shot| {
+                    Some(View { picture: self.album.get(shot.picture)?, bbox: shot.bbox })
+                };
+                pair(view(first)?, view(second)?, track.shots.len() == 1)
+            }
+            Source::Flights(flights) => {
+                let (first, second) = flights.draw_pair(index, rng)?;
+                pair(first, second, false)
+            }
+            Source::Patches(pictures) => {
+                let picture = self.album.get(*rng.pick(pictures))?;
+                let (aspect, side) = (rng.factor(0.5), rng.log_range(16.0, 80.0));
+                let bbox = paste::textured_box(&picture, aspect, side, rng);
+                let view = View { picture, bbox };
+                pair(view.clone(), view, true)
+            }
+            Source::Paste(pictures) => {
+                let first = self.album.get(*rng.pick(pictures))?;
+                let same = rng.chance(0.6);
+                let second = if same { first.clone() } else { self.album.get(*rng.pick(pictures))? };
+                let cutout = self.cutout(pictures, rng)?;
+                let (first, second) = paste::made_up_pair([&first, &second], &cutout, rng)?;
+                Some(Pair { first, second, still: true, distractors: *rng.pick(&[0, 0, 1, 1, 2, 3]) })
+            }
+        }
+    }
+
+    /// Something cut out of one of some pictures.
+    fn cutout(&self, pictures: &[PictureId], rng: &mut Rng) -> Option<Cutout> {
+        let picture: Arc<Picture> = self.album.get(*rng.pick(pictures))?;
+        let (aspect, side) = (rng.factor(1.0), rng.log_range(24.0, 120.0));
+        Some(Cutout::random(&picture, aspect, side, rng))
+    }
+
+    /// Puts distractors and an occluder into the second view, as often as the augmentation says.
+    fn populate(&self, pair: &mut Pair, index: u64, rng: &mut Rng) {
+        let augment = &self.options.augment;
+        let mut count = pair.distractors;
+        if rng.chance(augment.distractors) && count == 0 {
+            count = *rng.pick(&[1, 1, 2]);
+        }
+        let occluded = rng.chance(augment.occluder);
+        if count == 0 && !occluded {
+            return;
+        }
+        let mut picture = Picture::clone(&pair.second.picture);
+        let bbox = pair.second.bbox;
+        // Half of the look-alikes are parts of pictures, half are other targets.
+        let next = |rng: &mut Rng| match self.material.is_empty() || rng.chance(0.5) {
+            true => Some(Cutout::of(&self.pair(index, rng).1.first, rng)),
+            false => self.cutout(&self.material, rng),
+        };
+        paste::distractors(&mut picture, &bbox, count, next, rng);
+        if occluded && let Some(cutout) = next(rng) {
+            paste::occlude(&mut picture, &bbox, &cutout, rng);
+        }
+        pair.second.picture = Arc::new(picture);
+    }
+}
+
+fn open(
+    spec: &DataSpec,
+    total: f64,
+    options: &DataOptions,
+    album: &mut Album,
+    skipped: &mut Skipped,
+) -> Result<Source, Error> {
+    Ok(match &spec.what {
+        What::Scenes => {
+            Source::Flights(Flights::new(options.seed, spec.share / total, options.pairs_per_flight))
+        }
+        What::Annotated(path) => Source::Tracks(tracks_of(path, options, album, skipped)?),
+        What::Patches(path) => Source::Patches(pictures_of(path, album, skipped)?),
+        What::Paste(path) => Source::Paste(pictures_of(path, album, skipped)?),
+    })
+}
+
+fn tracks_of(
+    path: &Path,
+    options: &DataOptions,
+    album: &mut Album,
+    skipped: &mut Skipped,
+) -> Result<Tracks, Error> {
+    if !path.is_dir() {
+        let rows = rows::read(path, skipped)?;
+        return Ok(Tracks::from_rows(rows, album, options.rules, skipped));
+    }
+    let sequences = sequences::find(path, skipped)?;
+    Ok(Tracks::from_sequences(sequences, album, options.rules, skipped))
+}
+
+/// All pictures below a folder, or those of an annotation file.
+fn pictures_of(path: &Path, album: &mut Album, skipped: &mut Skipped) -> Result<Vec<PictureId>, Error> {
+    let mut files = match path.is_dir() {
+        true => sequences::pictures_below(path)?,
+        false => rows::read(path, skipped)?.into_iter().map(|row| row.path).collect(),
+    };
+    files.sort();
+    files.dedup();
+    Ok(files.into_iter().map(|file| album.add(file)).collect())
+}
+
+impl Source {
+    fn unit(&self) -> &'static str {
+        match self {
+            Source::Tracks(_) => "annotated frame",
+            Source::Flights(_) => "flight",
+            Source::Patches(_) | Source::Paste(_) => "picture",
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        match self {
+            Source::Tracks(tracks) => tracks.is_empty(),
+            Source::Flights(_) => false,
+            Source::Patches(pictures) | Source::Paste(pictures) => pictures.is_empty(),
+        }
+    }
+
+    fn describe(&self) -> String {
+        match self {
+            Source::Tracks(tracks) => format!("{} targets, {} frames", tracks.len(), tracks.shots()),
+            Source::Flights(_) => "rendered flights without end".into(),
+            Source::Patches(pictures) | Source::Paste(pictures) => format!("{} pictures", pictures.len()),
+        }
+    }
+}

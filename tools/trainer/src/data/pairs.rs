@@ -1,0 +1,95 @@
+//! Which two frames of a track make a pair (spec section 3.1).
+
+use super::tracks::Shot;
+use crate::rng::Rng;
+use track_cpu::BBox;
+
+/// Rules for the two frames of a pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairRules {
+    /// Most frames between them.
+    pub max_gap: u32,
+    /// As video_analyst does it: every later frame may be the second one, however far.
+    pub compat: bool,
+    /// Greatest ratio of a box's sides.
+    pub max_aspect: f32,
+    /// Smallest side of a box in pixels.
+    pub min_side: f32,
+}
+
+impl Default for PairRules {
+    fn default() -> PairRules {
+        PairRules { max_gap: 100, compat: false, max_aspect: 10.0, min_side: 3.0 }
+    }
+}
+
+impl PairRules {
+    /// Whether a box may be in a pair. (The rule on its share of the frame is [`share_is_usable`].)
+    pub fn accepts(&self, bbox: &BBox) -> bool {
+        let (short, long) = (bbox.w.min(bbox.h), bbox.w.max(bbox.h));
+        short >= self.min_side && long < self.max_aspect * short
+    }
+
+    /// Two frames of a track, the first uniform, the second near it; a still with itself.
+    ///
+    /// `shots` is in the order of time and not empty.
+    pub fn draw(&self, rng: &mut Rng, shots: &[Shot]) -> (Shot, Shot) {
+        let first = *rng.pick(shots);
+        let earliest = first.number.saturating_sub(self.max_gap);
+        let latest = if self.compat { u32::MAX } else { first.number.saturating_add(self.max_gap) };
+        let start = shots.partition_point(|shot| shot.number < earliest);
+        let end = shots.partition_point(|shot| shot.number <= latest);
+        (first, *rng.pick(&shots[start..end]))
+    }
+}
+
+/// Whether a box covers a usable share of its whole frame: more than 0.1 % and less than 60 %.
+///
+/// video_analyst means to test this but never does, so `compat` leaves it out. It cannot be applied to data that are
+/// crops of frames.
+pub fn share_is_usable(bbox: &BBox, width: usize, height: usize) -> bool {
+    let share = bbox.area() / (width * height) as f32;
+    share > 0.001 && share < 0.6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::picture::PictureId;
+
+    fn shots(numbers: impl Iterator<Item = u32>) -> Vec<Shot> {
+        let shot =
+            |number| Shot { picture: PictureId(number), bbox: BBox::new(0.0, 0.0, 20.0, 20.0), number };
+        numbers.map(shot).collect()
+    }
+
+    #[test]
+    fn gaps_are_kept_in_both_directions_unless_compatible() {
+        let shots = shots((0..100).map(|i| i * 10));
+        let mut rng = Rng::new(0, 0, 0);
+        let gap = |rules: &PairRules, rng: &mut Rng| {
+            let (a, b) = rules.draw(rng, &shots);
+            i64::from(b.number) - i64::from(a.number)
+        };
+        let rules = PairRules::default();
+        let gaps: Vec<_> = (0..2000).map(|_| gap(&rules, &mut rng)).collect();
+        assert_eq!((gaps.iter().min(), gaps.iter().max()), (Some(&-100), Some(&100)));
+        let compat = PairRules { compat: true, ..rules };
+        let gaps: Vec<_> = (0..2000).map(|_| gap(&compat, &mut rng)).collect();
+        assert_eq!(gaps.iter().min(), Some(&-100));
+        assert!(gaps.iter().max() > Some(&800));
+    }
+
+    #[test]
+    fn odd_boxes_are_refused_and_single_frames_pair_with_themselves() {
+        let rules = PairRules::default();
+        let one = shots(5..6);
+        assert_eq!(rules.draw(&mut Rng::new(0, 0, 1), &one), (one[0], one[0]));
+        assert!(!rules.accepts(&BBox::new(0.0, 0.0, 2.0, 8.0)));
+        assert!(!rules.accepts(&BBox::new(0.0, 0.0, 10.0, 100.0)));
+        assert!(rules.accepts(&BBox::new(0.0, 0.0, 99.0, 10.0)));
+        assert!(share_is_usable(&BBox::new(0.0, 0.0, 40.0, 40.0), 1000, 1000));
+        assert!(!share_is_usable(&BBox::new(0.0, 0.0, 30.0, 30.0), 1000, 1000));
+        assert!(!share_is_usable(&BBox::new(0.0, 0.0, 800.0, 800.0), 1000, 1000));
+    }
+}

@@ -1,0 +1,340 @@
+//! Cutting things out of pictures and pasting them into others: distractors, occluders, and whole made-up pairs.
+
+use super::geometry::View;
+use super::photo::{apply, curves};
+use super::picture::Picture;
+use super::warp::blend;
+use crate::rng::Rng;
+use std::f32::consts::TAU;
+use std::sync::Arc;
+use track_cpu::BBox;
+
+/// A part of a picture and the outline it is cut out by.
+#[derive(Clone, Debug)]
+pub struct Cutout {
+    picture: Arc<Picture>,
+    centre: [f32; 2], // picture pixels
+    half: [f32; 2],   // half width and height, likewise
+    outline: Outline,
+    curves: Option<Box<[[u8; 256]; 3]>>,
+}
+
+/// An outline around the origin, in `-1..1` both ways.
+#[derive(Clone, Debug)]
+enum Outline {
+    Rectangle,
+    /// Radii at equal angles; straight between them in angle and radius.
+    Star(Vec<f32>),
+}
+
+/// Where and how a cutout is pasted, in pixels of the picture it goes into.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Centre.
+    pub centre: [f32; 2],
+    /// Width and height before turning.
+    pub size: [f32; 2],
+    /// Angle in radians.
+    pub angle: f32,
+}
+
+impl Outline {
+    fn random(rng: &mut Rng) -> Outline {
+        match rng.unit() {
+            u if u < 0.25 => Outline::Rectangle,
+            u if u < 0.6 => Outline::Star(vec![1.0]), // ellipse
+            _ => Outline::Star((0..5 + rng.below(7)).map(|_| rng.range(0.55, 1.0)).collect()),
+        }
+    }
+
+    /// How far inside a point is, as a share of the half size; negative outside.
+    fn depth(&self, u: f32, v: f32) -> f32 {
+        match self {
+            Outline::Rectangle => 1.0 - u.abs().max(v.abs()),
+            Outline::Star(radii) => {
+                let at = (v.atan2(u) / TAU + 0.5) * radii.len() as f32;
+                let (first, share) = (at as usize, at.fract());
+                let radius = |i: usize| radii[i % radii.len()];
+                let radius = radius(first) + (radius(first + 1) - radius(first)) * share;
+                radius - u.hypot(v)
+            }
+        }
+    }
+}
+
+impl Cutout {
+    /// A random textured part, of `aspect` = width over height, its sides about `side` picture pixels.
+    pub fn random(picture: &Arc<Picture>, aspect: f32, side: f32, rng: &mut Rng) -> Cutout {
+        let bbox = textured_box(picture, aspect, side, rng);
+        Cutout::of(&View { picture: picture.clone(), bbox }, rng)
+    }
+
+    /// A target: what lies in its box.
+    pub fn of(view: &View, rng: &mut Rng) -> Cutout {
+        let centre = view.bbox.center();
+        Cutout {
+            picture: view.picture.clone(),
+            centre: [centre.cx, centre.cy],
+            half: [view.bbox.w / 2.0, view.bbox.h / 2.0],
+            outline: Outline::random(rng),
+            curves: rng.chance(0.5).then(|| Box::new(curves(rng, 0.35, 0.3, 0.15))),
+        }
+    }
+
+    /// Width over height.
+    pub fn aspect(&self) -> f32 {
+        self.half[0] / self.half[1]
+    }
+
+    /// Pastes into `picture`; the tight box of what is in it then, `None` if that is next to nothing.
+    pub fn paste(&self, picture: &mut Picture, place: &Place) -> Option<BBox> {
+        let (sin, cos) = place.angle.sin_cos();
+        let half = place.size.map(|s| (s / 2.0).max(0.5));
+        let reach = [
+            half[0] * cos.abs() + half[1] * sin.abs() + 2.0,
+            half[0] * sin.abs() + half[1] * cos.abs() + 2.0,
+        ];
+        let span = |k: usize, limit: usize| {
+            let from = (place.centre[k] - reach[k]).clamp(0.0, limit as f32) as usize;
+            let to = (place.centre[k] + reach[k] + 1.0).clamp(0.0, limit as f32) as usize;
+            from..to
+        };
+        let (columns, rows) = (span(0, picture.width), span(1, picture.height));
+        let softness = half[0].min(half[1]); // the edge is one pixel wide
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        let mut count = 0;
+        for y in rows {
+            for x in columns.clone() {
+                let (dx, dy) = (x as f32 - place.centre[0], y as f32 - place.centre[1]);
+                let u = (dx * cos + dy * sin) / half[0];
+                let v = (dy * cos - dx * sin) / half[1];
+                let cover = (self.outline.depth(u, v) * softness + 0.5).clamp(0.0, 1.0);
+                if cover <= 0.0 {
+                    continue;
+                }
+                if cover > 0.5 {
+                    count += 1;
+                    low = [low[0].min(x), low[1].min(y)];
+                    high = [high[0].max(x), high[1].max(y)];
+                }
+                let color = self.sample(u, v);
+                let at = (y * picture.width + x) * 3;
+                for (value, color) in picture.data[at..at + 3].iter_mut().zip(color) {
+                    let mixed = f32::from(*value) + (f32::from(color) - f32::from(*value)) * cover;
+                    *value = (mixed + 0.5) as u8;
+                }
+            }
+        }
+        let size = |k: usize| (high[k] + 1 - low[k]) as f32;
+        (count >= 12).then(|| BBox::new(low[0] as f32, low[1] as f32, size(0), size(1)))
+    }
+
+    /// Colour at a place within the outline.
+    fn sample(&self, u: f32, v: f32) -> [u8; 3] {
+        let Picture { width, height, data, .. } = &*self.picture;
+        let x = (self.centre[0] + u * self.half[0]).clamp(0.0, (width - 1) as f32);
+        let y = (self.centre[1] + v * self.half[1]).clamp(0.0, (height - 1) as f32);
+        let (left, top) = (x as usize, y as usize);
+        let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
+        let pixel = |x: usize, y: usize| &data[(y * width + x) * 3..][..3];
+        let corners = [pixel(left, top), pixel(right, top), pixel(left, bottom), pixel(right, bottom)];
+        let mut color = [0, 1, 2].map(|k| blend(corners.map(|c| c[k]), x.fract(), y.fract()));
+        if let Some(curves) = &self.curves {
+            apply(&mut color, curves);
+        }
+        color
+    }
+}
+
+/// A box of `aspect` = width over height and sides about `side` pixels (at most 0.4 of the picture's), the most textured of
+/// a few.
+pub fn textured_box(picture: &Picture, aspect: f32, side: f32, rng: &mut Rng) -> BBox {
+    let (width, height) = (picture.width as f32, picture.height as f32);
+    let side = side.min(0.4 * width.min(height)).max(2.0);
+    let w = (side * aspect.sqrt()).min(0.9 * width).max(2.0);
+    let h = (side / aspect.sqrt()).min(0.9 * height).max(2.0);
+    let mut best = (f32::MIN, BBox::default());
+    for _ in 0..3 {
+        let bbox = BBox::new(rng.range(0.0, width - w), rng.range(0.0, height - h), w, h);
+        let texture = texture(picture, &bbox);
+        if texture > best.0 {
+            best = (texture, bbox);
+        }
+        if texture > 28.0 {
+            break;
+        }
+    }
+    best.1
+}
+
+/// Standard deviation of the green channel within a box.
+fn texture(picture: &Picture, bbox: &BBox) -> f32 {
+    let (mut n, mut sum, mut squares) = (0.0f32, 0.0f32, 0.0f32);
+    for y in (bbox.y as usize..(bbox.y + bbox.h) as usize).step_by(2) {
+        for x in (bbox.x as usize..(bbox.x + bbox.w) as usize).step_by(2) {
+            let value = f32::from(picture.data[(y * picture.width + x) * 3 + 1]);
+            n += 1.0;
+            sum += value;
+            squares += value * value;
+        }
+    }
+    (squares / n - (sum / n).powi(2)).max(0.0).sqrt()
+}
+
+/// Pastes up to three things of about the target's size beside it.
+pub fn distractors(
+    picture: &mut Picture,
+    bbox: &BBox,
+    count: usize,
+    mut next: impl FnMut(&mut Rng) -> Option<Cutout>,
+    rng: &mut Rng,
+) {
+    let target = bbox.center();
+    let reach = 2.0 * (bbox.w + bbox.h); // about the search crop
+    for _ in 0..count {
+        let Some(cutout) = next(rng) else { continue };
+        let side = (bbox.w * bbox.h).sqrt() * rng.range(-0.5, 0.35).exp();
+        let root = cutout.aspect().sqrt();
+        let size = [side * root, side / root];
+        for _ in 0..6 {
+            let centre = [target.cx + rng.range(-reach, reach), target.cy + rng.range(-reach, reach)];
+            let apart = (centre[0] - target.cx).abs() > (size[0] + bbox.w) / 2.0
+                || (centre[1] - target.cy).abs() > (size[1] + bbox.h) / 2.0;
+            if apart {
+                cutout.paste(picture, &Place { centre, size, angle: rng.range(-0.5, 0.5) });
+                break;
+            }
+        }
+    }
+}
+
+/// Pastes something over a side of the target.
+pub fn occlude(picture: &mut Picture, bbox: &BBox, cutout: &Cutout, rng: &mut Rng) {
+    let (sin, cos) = rng.range(0.0, TAU).sin_cos();
+    let target = bbox.center();
+    let centre = [target.cx + cos * bbox.w * 0.45, target.cy + sin * bbox.h * 0.45];
+    let size = [bbox.w * rng.range(0.4, 0.65), bbox.h * rng.range(0.4, 0.65)];
+    cutout.paste(picture, &Place { centre, size, angle: 0.0 });
+}
+
+/// Two pictures of one cutout before other backgrounds, or before the same one in another place.
+///
+/// `None` if it came to lie where nothing of it is left.
+pub fn made_up_pair(backgrounds: [&Arc<Picture>; 2], cutout: &Cutout, rng: &mut Rng) -> Option<(View, View)> {
+    let least = |p: &Picture| p.width.min(p.height) as f32;
+    let side = rng.log_range(14.0, 72.0).min(0.25 * least(backgrounds[0]).min(least(backgrounds[1])));
+    let root = cutout.aspect().sqrt();
+    let size = [side * root, side / root];
+    let within = |p: &Picture, rng: &mut Rng| {
+        [p.width as f32 * rng.range(0.15, 0.85), p.height as f32 * rng.range(0.15, 0.85)]
+    };
+    let first = within(backgrounds[0], rng);
+    let second = if Arc::ptr_eq(backgrounds[0], backgrounds[1]) {
+        let limit = [backgrounds[0].width as f32, backgrounds[0].height as f32];
+        [0, 1].map(|k| (first[k] + rng.range(-2.0, 2.0) * side).clamp(0.1 * limit[k], 0.9 * limit[k]))
+    } else {
+        within(backgrounds[1], rng)
+    };
+    let stretch = rng.factor(0.12);
+    let angle = if rng.chance(0.6) { rng.range(-0.25, 0.25) } else { 0.0 };
+    let grown = rng.factor(0.2);
+    let other = [size[0] * stretch * grown, size[1] / stretch * grown];
+    let view = |background: &Arc<Picture>, place: &Place| {
+        let mut picture = Picture::clone(background);
+        let bbox = cutout.paste(&mut picture, place)?;
+        Some(View { picture: Arc::new(picture), bbox })
+    };
+    let first = view(backgrounds[0], &Place { centre: first, size, angle: 0.0 })?;
+    let second = view(backgrounds[1], &Place { centre: second, size: other, angle })?;
+    Some((first, second))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plain(value: u8, width: usize, height: usize) -> Arc<Picture> {
+        Arc::new(Picture::new(width, height, vec![value; 3 * width * height]))
+    }
+
+    #[test]
+    fn the_box_is_tight_around_what_was_pasted() {
+        let white = plain(255, 40, 30);
+        let mut rng = Rng::new(7, 0, 0);
+        for i in 0..200 {
+            let mut cutout = Cutout::random(&white, rng.factor(0.7), 12.0, &mut rng);
+            cutout.curves = None;
+            let mut canvas = Picture::clone(&plain(0, 90, 70));
+            let place = Place {
+                centre: [rng.range(0.0, 90.0), rng.range(0.0, 70.0)],
+                size: [rng.range(6.0, 40.0), rng.range(6.0, 40.0)],
+                angle: rng.range(-1.0, 1.0),
+            };
+            let Some(bbox) = cutout.paste(&mut canvas, &place) else { continue };
+            let bright = |x: usize, y: usize| canvas.data[(y * 90 + x) * 3] > 128;
+            let columns: Vec<_> = (0..90).filter(|x| (0..70).any(|y| bright(*x, y))).collect();
+            let rows: Vec<_> = (0..70).filter(|y| (0..90).any(|x| bright(x, *y))).collect();
+            let expected = [columns[0], rows[0], columns[columns.len() - 1], rows[rows.len() - 1]];
+            let found = [bbox.x, bbox.y, bbox.x + bbox.w - 1.0, bbox.y + bbox.h - 1.0].map(|v| v as usize);
+            for (a, b) in found.iter().zip(expected) {
+                assert!(a.abs_diff(b) <= 1, "{i}: {found:?}, expected {expected:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn ellipses_and_rectangles_have_their_size() {
+        let white = plain(255, 40, 30);
+        for outline in [Outline::Rectangle, Outline::Star(vec![1.0])] {
+            let cutout =
+                Cutout { outline, curves: None, ..Cutout::random(&white, 1.0, 10.0, &mut Rng::new(0, 0, 0)) };
+            let mut canvas = Picture::clone(&plain(0, 90, 70));
+            let place = Place { centre: [44.5, 30.5], size: [30.0, 20.0], angle: 0.0 };
+            let bbox = cutout.paste(&mut canvas, &place).unwrap();
+            assert_eq!(bbox, BBox::new(30.0, 21.0, 30.0, 20.0));
+        }
+    }
+
+    #[test]
+    fn distractors_spare_the_target() {
+        let white = plain(255, 60, 60);
+        let mut rng = Rng::new(8, 0, 0);
+        let bbox = BBox::new(80.0, 60.0, 24.0, 16.0);
+        let mut pasted = 0;
+        for _ in 0..50 {
+            let mut canvas = Picture::clone(&plain(0, 200, 150));
+            let next = |rng: &mut Rng| {
+                let mut cutout = Cutout::random(&white, 1.0, 20.0, rng);
+                cutout.curves = None;
+                Some(cutout)
+            };
+            distractors(&mut canvas, &bbox, 2, next, &mut rng);
+            pasted += usize::from(canvas.data.iter().any(|v| *v > 128));
+            for y in 62..74 {
+                for x in 83..101 {
+                    assert_eq!(canvas.data[(y * 200 + x) * 3], 0);
+                }
+            }
+        }
+        assert!(pasted > 40, "{pasted}");
+    }
+
+    #[test]
+    fn made_up_pairs_lie_within_their_pictures() {
+        let (a, b) = (plain(40, 300, 200), plain(90, 160, 220));
+        let mut rng = Rng::new(9, 0, 0);
+        let mut made = 0;
+        for i in 0..100 {
+            let cutout = Cutout::random(&a, rng.factor(1.0), 60.0, &mut rng);
+            let backgrounds = if i % 2 == 0 { [&a, &a] } else { [&a, &b] };
+            let Some((first, second)) = made_up_pair(backgrounds, &cutout, &mut rng) else { continue };
+            made += 1;
+            for view in [first, second] {
+                let BBox { x, y, w, h } = view.bbox;
+                assert!(x >= 0.0 && y >= 0.0 && w >= 3.0 && h >= 3.0);
+                assert!(x + w <= view.picture.width as f32 && y + h <= view.picture.height as f32);
+            }
+        }
+        assert!(made > 90, "{made}");
+    }
+}

@@ -1,0 +1,243 @@
+//! Annotation files: CSV with a header, or JSON objects with the same keys.
+//!
+//! `path` (or `file`), `x`, `y`, `w`, `h` are needed; `track`, `frame` and `source` (or `label`) say what belongs together.
+//! Rows that cannot be used are skipped, each by name.
+
+use super::skipped::Skipped;
+use crate::error::Error;
+use serde_json::Value;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use track_cpu::BBox;
+
+/// One usable row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// The picture file; it exists.
+    pub path: PathBuf,
+    /// The target's box in pixels of the picture.
+    pub bbox: BBox,
+    /// What the rows of one target have in common; `None` if each row is a target of its own.
+    pub track: Option<String>,
+    /// Number of the frame within its track.
+    pub frame: u32,
+    /// What the row is of: data set, label.
+    pub group: String,
+}
+
+/// Largest JSON file read, in bytes.
+const MAX_JSON_BYTES: u64 = 1 << 30;
+
+/// Reads the rows of an annotation file, in the order of the file.
+///
+/// # Errors
+/// If the file cannot be read, or lacks a column that every row needs.
+pub fn read(file: &Path, skipped: &mut Skipped) -> Result<Vec<Row>, Error> {
+    let json = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    let raw = if json { read_json(file, skipped)? } else { read_csv(file, skipped)? };
+    let root = root(file, &raw);
+    let mut rows = Vec::with_capacity(raw.len());
+    for (place, fields) in raw {
+        match row(&root, &fields) {
+            Ok(row) => rows.push(row),
+            Err(reason) => skipped.add(format!("{}:{place}", file.display()), reason),
+        }
+    }
+    Ok(rows)
+}
+
+/// A row's text by column.
+type Fields = HashMap<String, String>;
+
+/// A row and the place it was found at: a line, or the number of an object.
+type Placed = (u64, Fields);
+
+fn read_csv(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
+    let handle = File::open(file).map_err(Error::io(file))?;
+    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(handle);
+    let header = reader.headers().map_err(|error| Error::file(file, "a CSV header", error))?.clone();
+    let has = |names: &[&str]| names.iter().any(|name| header.iter().any(|column| column == *name));
+    for names in [&["path", "file"][..], &["x"], &["y"], &["w"], &["h"]] {
+        if !has(names) {
+            let found = header.iter().collect::<Vec<_>>().join(",");
+            return Err(Error::file(file, format!("a header with a column {:?}", names[0]), found));
+        }
+    }
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = match record {
+            Ok(record) => record,
+            Err(error) if error.is_io_error() => {
+                return Err(Error::file(file, "a readable file", error));
+            }
+            Err(error) => {
+                let line = error.position().map_or(0, csv::Position::line);
+                skipped.add(format!("{}:{line}", file.display()), error.to_string());
+                continue;
+            }
+        };
+        let line = record.position().map_or(0, csv::Position::line);
+        if record.len() != header.len() {
+            let reason = format!("{} columns, expected {}", record.len(), header.len());
+            skipped.add(format!("{}:{line}", file.display()), reason);
+            continue;
+        }
+        let fields = header.iter().zip(&record).map(|(name, value)| (name.into(), value.into()));
+        rows.push((line, fields.collect()));
+    }
+    Ok(rows)
+}
+
+fn read_json(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
+    let mut text = String::new();
+    let handle = File::open(file).map_err(Error::io(file))?;
+    handle.take(MAX_JSON_BYTES).read_to_string(&mut text).map_err(Error::io(file))?;
+    let value: Value =
+        serde_json::from_str(&text).map_err(|error| Error::file(file, "a JSON array of objects", error))?;
+    let Value::Array(objects) = value else {
+        return Err(Error::file(file, "a JSON array of objects", "something else"));
+    };
+    let mut rows = Vec::new();
+    for (number, object) in objects.into_iter().enumerate() {
+        let number = number as u64;
+        let Value::Object(object) = object else {
+            skipped.add(format!("{}:{number}", file.display()), "not an object".into());
+            continue;
+        };
+        let text = |value: Value| match value {
+            Value::String(text) => text,
+            other => other.to_string(),
+        };
+        rows.push((number, object.into_iter().map(|(name, value)| (name, text(value))).collect()));
+    }
+    Ok(rows)
+}
+
+/// Where the paths of a file start: beside it, in its folder `images`, or one folder up; wherever most of the first
+/// rows' files are.
+fn root(file: &Path, rows: &[Placed]) -> PathBuf {
+    let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+    let up = folder.join("..");
+    let found = |root: &Path| {
+        let files = rows.iter().take(100).filter_map(|(_, fields)| name(fields));
+        files.filter(|name| root.join(name).is_file()).count()
+    };
+    let others = [folder.join("images"), up];
+    let mut best = (found(&folder), folder);
+    for other in others {
+        let count = found(&other);
+        if count > best.0 {
+            best = (count, other);
+        }
+    }
+    best.1
+}
+
+fn name(fields: &Fields) -> Option<&String> {
+    fields.get("path").or_else(|| fields.get("file"))
+}
+
+fn row(root: &Path, fields: &Fields) -> Result<Row, String> {
+    let number = |key: &str| {
+        let text = fields.get(key).ok_or(format!("no {key:?}"))?;
+        let value: f32 = text.parse().map_err(|_| format!("{key} is {text:?}, expected a number"))?;
+        if value.is_finite() { Ok(value) } else { Err(format!("{key} is {value}, expected a finite number")) }
+    };
+    let bbox = BBox::new(number("x")?, number("y")?, number("w")?, number("h")?);
+    if bbox.w <= 0.0 || bbox.h <= 0.0 {
+        return Err(format!("box of {} x {} pixels, expected both above 0", bbox.w, bbox.h));
+    }
+    let path = root.join(name(fields).ok_or("no \"path\"")?);
+    if !path.is_file() {
+        return Err(format!("picture {} is missing", path.display()));
+    }
+    let frame = match fields.get("frame") {
+        Some(text) => text.parse().map_err(|_| format!("frame is {text:?}, expected a number"))?,
+        None => 0,
+    };
+    let group = fields.get("source").or_else(|| fields.get("label")).cloned().unwrap_or_default();
+    Ok(Row { path, bbox, track: fields.get("track").cloned(), frame, group })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Folder;
+
+    fn folder() -> Folder {
+        let folder = Folder::new("rows");
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        for name in ["a.png", "b.png"] {
+            std::fs::write(folder.path().join("images").join(name), "").unwrap();
+        }
+        folder
+    }
+
+    const BAD: &str = "path,x,y,w,h,track,frame,source\n\
+        a.png,1,2,30.5,4,t,7,s\n\
+        missing.png,1,2,3,4,t,8,s\n\
+        a.png,NaN,2,3,4,t,9,s\n\
+        a.png,1,2,0,4,t,10,s\n\
+        a.png,1,2,3\n\
+        a.png,1,2,x,4,t,11,s\n\
+        a.png,1,2,3,4,t,-1,s\n\
+        b.png,0,0,1,1,u,0,s\n";
+
+    #[test]
+    fn bad_rows_are_skipped_by_name() {
+        let folder = folder();
+        let file = folder.path().join("index.csv");
+        std::fs::write(&file, BAD).unwrap();
+        let mut skipped = Skipped::default();
+        let rows = read(&file, &mut skipped).unwrap();
+        assert_eq!(rows.len(), 2);
+        assert_eq!(rows[0].bbox, BBox::new(1.0, 2.0, 30.5, 4.0));
+        assert_eq!((rows[0].track.as_deref(), rows[0].frame, &rows[0].group[..]), (Some("t"), 7, "s"));
+        let text = skipped.to_string();
+        for (line, reason) in [
+            (3, "missing.png is missing"),
+            (4, "x is NaN"),
+            (5, "box of 0 x 4"),
+            (6, "4 columns, expected 8"),
+            (7, "w is \"x\""),
+            (8, "frame is \"-1\""),
+        ] {
+            let line = format!("index.csv:{line}: ");
+            assert!(
+                text.lines().any(|l| l.contains(&line) && l.contains(reason)),
+                "{line}{reason} not in {text}"
+            );
+        }
+        assert_eq!(skipped.count(), 6);
+    }
+
+    #[test]
+    fn json_is_the_same() {
+        let folder = folder();
+        let file = folder.path().join("index.json");
+        std::fs::write(
+            &file,
+            r#"[{"file": "a.png", "x": 1, "y": 2, "w": 30.5, "h": 4, "label": "l"}, {"file": "b.png", "x": null}, 5]"#,
+        )
+        .unwrap();
+        let mut skipped = Skipped::default();
+        let rows = read(&file, &mut skipped).unwrap();
+        assert_eq!((rows.len(), skipped.count()), (1, 2));
+        assert_eq!((rows[0].bbox.w, rows[0].track.clone(), &rows[0].group[..]), (30.5, None, "l"));
+    }
+
+    #[test]
+    fn unusable_files_are_errors() {
+        let folder = folder();
+        let write = |name: &str, text: &str| {
+            let file = folder.path().join(name);
+            std::fs::write(&file, text).unwrap();
+            read(&file, &mut Skipped::default()).unwrap_err().to_string()
+        };
+        assert!(write("a.csv", "path,x,y,w\n").contains("column \"h\""));
+        assert!(write("a.json", "{}").contains("array of objects"));
+        assert!(read(&folder.path().join("none.csv"), &mut Skipped::default()).is_err());
+    }
+}

@@ -1,0 +1,126 @@
+//! Sampling a picture on a turned, stretched or mirrored grid: `out[j, i] = bilinear(picture, origin + i across + j down)`.
+//!
+//! `u8 [h, w, 3]` RGB -> `u8 [side, side, 3]` BGR; each tap outside the picture is replaced by its border colour. On an
+//! upright square grid the result is that of the tracker's own cropper.
+
+use super::picture::Picture;
+
+/// Where the samples are taken, in picture pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Of output pixel (0, 0).
+    pub origin: [f64; 2],
+    /// From one output column to the next.
+    pub across: [f64; 2],
+    /// From one output row to the next.
+    pub down: [f64; 2],
+    /// Side of the output.
+    pub side: usize,
+}
+
+/// Samples `picture` on `grid`.
+pub fn warp(picture: &Picture, grid: &Grid) -> Vec<u8> {
+    let mut out = vec![0; grid.side * grid.side * 3];
+    let (w, h) = (picture.width as i64, picture.height as i64);
+    for (j, row) in out.chunks_exact_mut(grid.side * 3).enumerate() {
+        let start = [0, 1].map(|k| grid.origin[k] + grid.down[k] * j as f64);
+        for (i, out) in row.chunks_exact_mut(3).enumerate() {
+            let x = start[0] + grid.across[0] * i as f64;
+            let y = start[1] + grid.across[1] * i as f64;
+            let (left, top) = (x.floor(), y.floor());
+            let (x, y) = ((x - left) as f32, (y - top) as f32);
+            let (left, top) = (left as i64, top as i64);
+            if left >= 0 && left + 1 < w && top >= 0 && top + 1 < h {
+                let at = (top as usize * picture.width + left as usize) * 3;
+                let upper = &picture.data[at..at + 6];
+                let at = at + picture.width * 3;
+                let lower = &picture.data[at..at + 6];
+                out[0] = blend([upper[2], upper[5], lower[2], lower[5]], x, y);
+                out[1] = blend([upper[1], upper[4], lower[1], lower[4]], x, y);
+                out[2] = blend([upper[0], upper[3], lower[0], lower[3]], x, y);
+            } else {
+                for (channel, out) in out.iter_mut().enumerate() {
+                    let tap = |dx: i64, dy: i64| {
+                        let (x, y) = (left.saturating_add(dx), top.saturating_add(dy));
+                        if !(0..w).contains(&x) || !(0..h).contains(&y) {
+                            return picture.border[channel];
+                        }
+                        picture.data[(y as usize * picture.width + x as usize) * 3 + 2 - channel]
+                    };
+                    *out = blend([tap(0, 0), tap(1, 0), tap(0, 1), tap(1, 1)], x, y);
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Bilinear blend of `[top left, top right, bottom left, bottom right]`, rounded to the nearest byte.
+#[inline(always)]
+pub(super) fn blend(taps: [u8; 4], x: f32, y: f32) -> u8 {
+    let [a, b, c, d] = taps.map(f32::from);
+    let (top, bottom) = (a + (b - a) * x, c + (d - c) * x);
+    let value = top + (bottom - top) * y;
+    (value + 8_388_608.0).to_bits() as u8 // 2^23 leaves the rounded value in the low bits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Rng;
+    use kernels::par::Threads;
+    use track_cpu::bbox::CenterBox;
+    use track_cpu::crop::{Cropper, Region, scale};
+
+    fn noise(width: usize, height: usize) -> Picture {
+        let mut rng = Rng::new(5, 0, 0);
+        Picture::new(width, height, (0..3 * width * height).map(|_| rng.bits() as u8).collect())
+    }
+
+    #[test]
+    fn upright_grids_give_the_trackers_crop() {
+        let picture = noise(90, 70);
+        for (cx, cy, w, h, side) in
+            [(40.3, 35.1, 20.0, 14.0, 127), (5.0, 66.6, 31.0, 9.0, 303), (-90.0, 20.0, 9.0, 9.0, 127)]
+        {
+            let target = CenterBox { cx, cy, w, h };
+            let region = Region::around(&target, scale(f64::from(w), f64::from(h), 0.5, 127), side);
+            let mut expected = vec![0; side * side * 3];
+            Cropper::default().cut(
+                &Threads::new(1),
+                &picture.frame(),
+                &region,
+                picture.border,
+                &mut expected,
+            );
+            let step = (region.side - 1.0) / (side - 1) as f64;
+            let reach = (region.side - 1.0) / 2.0;
+            let grid = Grid {
+                origin: [region.cx - reach, region.cy - reach],
+                across: [step, 0.0],
+                down: [0.0, step],
+                side,
+            };
+            assert!(warp(&picture, &grid) == expected, "{target:?}");
+        }
+    }
+
+    #[test]
+    fn turns_and_mirrors() {
+        let picture = noise(9, 9);
+        let pixel = |x: usize, y: usize| {
+            let p = &picture.data[(y * 9 + x) * 3..][..3];
+            [p[2], p[1], p[0]]
+        };
+        let turned =
+            warp(&picture, &Grid { origin: [8.0, 0.0], across: [0.0, 1.0], down: [-1.0, 0.0], side: 9 });
+        let mirrored =
+            warp(&picture, &Grid { origin: [8.0, 0.0], across: [-1.0, 0.0], down: [0.0, 1.0], side: 9 });
+        for j in 0..9 {
+            for i in 0..9 {
+                assert_eq!(turned[(j * 9 + i) * 3..][..3], pixel(8 - j, i));
+                assert_eq!(mirrored[(j * 9 + i) * 3..][..3], pixel(8 - i, j));
+            }
+        }
+    }
+}

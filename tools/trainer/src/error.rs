@@ -1,0 +1,95 @@
+//! What can go wrong, grouped by who is at fault.
+
+use std::path::PathBuf;
+
+/// Why the trainer gave up.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused a file or folder.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// Which one.
+        path: PathBuf,
+        /// What the operating system said.
+        error: std::io::Error,
+    },
+    /// A file is not what it should be.
+    #[error("{}: expected {expected}, found {found}", path.display())]
+    File {
+        /// Which one.
+        path: PathBuf,
+        /// What would have been accepted.
+        expected: String,
+        /// What was found.
+        found: String,
+    },
+    /// An option makes no sense, alone or with the others.
+    #[error("{option}: expected {expected}, found {found}")]
+    Option {
+        /// Its name.
+        option: String,
+        /// What would have been accepted.
+        expected: String,
+        /// What was found.
+        found: String,
+    },
+    /// Nothing to train on is left.
+    #[error("{data}: expected at least one usable {what}, found none ({skipped} skipped)")]
+    NoData {
+        /// The data as named by the user.
+        data: String,
+        /// What there should be.
+        what: String,
+        /// How many were skipped.
+        skipped: usize,
+    },
+    /// Training went wrong in a way that no further step repairs.
+    #[error("step {step}: {what} is {found}, expected a finite number")]
+    Diverged {
+        /// The step.
+        step: u64,
+        /// The loss or tensor.
+        what: String,
+        /// Its value.
+        found: f64,
+    },
+    /// Weights that cannot be read or written.
+    #[error(transparent)]
+    ReadWeights(#[from] weights_format::ReadError),
+    /// Weights that cannot be written.
+    #[error(transparent)]
+    WriteWeights(#[from] weights_format::WriteError),
+    /// A network that cannot be built.
+    #[error(transparent)]
+    Architecture(#[from] weights_format::ArchitectureError),
+    /// A model that cannot run.
+    #[error(transparent)]
+    Model(#[from] track_cpu::ModelError),
+}
+
+impl Error {
+    pub(crate) fn io(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Error {
+        let path = path.into();
+        move |error| Error::Io { path, error }
+    }
+
+    pub(crate) fn file(path: impl Into<PathBuf>, expected: impl ToString, found: impl ToString) -> Error {
+        Error::File { path: path.into(), expected: expected.to_string(), found: brief(found) }
+    }
+
+    pub(crate) fn option(option: &str, expected: impl ToString, found: impl ToString) -> Error {
+        Error::Option { option: option.into(), expected: expected.to_string(), found: brief(found) }
+    }
+}
+
+/// A stranger's text, cut to a length and stripped of control characters, fit for a terminal.
+pub(crate) fn brief(text: impl ToString) -> String {
+    const LONGEST: usize = 200;
+    let text = text.to_string();
+    let mut short: String =
+        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    if text.chars().nth(LONGEST).is_some() {
+        short.push_str("...");
+    }
+    short
+}
