@@ -213,7 +213,7 @@ impl Frame {
     pub fn sprite(&mut self, crown: &Crown, camera: &Camera, scale: f32) -> Sprite {
         let scale = scale.clamp(2.0, 160.0);
         let side = (scale * 2.6) as usize + 4;
-        let fineness = if scale < 50.0 { 2 } else { 1 };
+        let fineness = if scale < 28.0 { 2 } else { 1 };
         let region = Region { x0: 0, y0: 0, width: side, height: side, fineness };
         self.clear(&region);
         let (n, k) = (side * fineness, scale * fineness as f32);
