@@ -4,16 +4,48 @@
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
+use std::ops::Range;
+
+/// A factor of a product: a row-major matrix in a slice, the transpose of one, or some of its columns.
+#[derive(Clone, Copy, Debug)]
+pub struct Matrix<'a>(MatRef<'a, f32>);
+
+impl<'a> Matrix<'a> {
+    /// `data` as `[rows, columns]`.
+    ///
+    /// Panics if its length is not that of the shape.
+    pub fn new(data: &'a [f32], rows: usize, columns: usize) -> Matrix<'a> {
+        assert_eq!(data.len(), rows * columns, "matrix of {rows}x{columns}");
+        Matrix(MatRef::from_row_major_slice(data, rows, columns))
+    }
+
+    /// The matrix with rows and columns exchanged; nothing is copied.
+    pub fn transposed(self) -> Matrix<'a> {
+        Matrix(self.0.transpose())
+    }
+
+    /// Some of its columns; nothing is copied. Panics if there are not so many.
+    pub fn columns(self, range: Range<usize>) -> Matrix<'a> {
+        Matrix(self.0.subcols(range.start, range.len()))
+    }
+}
 
 /// `c = a b`, all row-major and dense.
 ///
 /// Panics if a length is not that of its shape.
 pub fn gemm(m: usize, n: usize, k: usize, a: &[f32], b: &[f32], c: &mut [f32]) {
-    assert_eq!((a.len(), b.len(), c.len()), (m * k, k * n, m * n), "gemm of {m}x{n}x{k}");
-    let a = MatRef::from_row_major_slice(a, m, k);
-    let b = MatRef::from_row_major_slice(b, k, n);
+    product(Matrix::new(a, m, k), Matrix::new(b, k, n), c);
+}
+
+/// `c = a b` with `c` row-major and dense.
+///
+/// Panics if the shapes do not fit each other or the length of `c`.
+pub fn product(a: Matrix, b: Matrix, c: &mut [f32]) {
+    let (m, n) = (a.0.nrows(), b.0.ncols());
+    assert_eq!(a.0.ncols(), b.0.nrows(), "inner extents of a product to {m}x{n}");
+    assert_eq!(c.len(), m * n, "product to {m}x{n}");
     let c = MatMut::from_row_major_slice_mut(c, m, n);
-    matmul(c, Accum::Replace, a, b, 1.0, Par::Seq);
+    matmul(c, Accum::Replace, a.0, b.0, 1.0, Par::Seq);
     crate::simd::clear_upper_halves();
 }
 
@@ -22,13 +54,33 @@ mod tests {
     use super::*;
     use crate::testing::{assert_close, noise};
 
+    fn transpose(data: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+        (0..data.len()).map(|i| data[i % rows * columns + i / rows]).collect()
+    }
+
     #[test]
     fn equals_the_reference() {
         for (m, n, k) in [(1, 1, 1), (3, 47, 5), (17, 16, 33), (64, 1, 100), (5, 130, 363)] {
             let (a, b) = (noise(m * k, 1), noise(k * n, 2));
             let mut c = vec![f32::NAN; m * n];
             gemm(m, n, k, &a, &b, &mut c);
-            assert_close(&c, &crate::reference::gemm(m, n, k, &a, &b), 1e-5, &format!("{m}x{n}x{k}"));
+            let expected = crate::reference::gemm(m, n, k, &a, &b);
+            assert_close(&c, &expected, 1e-5, &format!("{m}x{n}x{k}"));
+            let (at, bt) = (transpose(&a, m, k), transpose(&b, k, n));
+            c.fill(f32::NAN);
+            product(Matrix::new(&at, k, m).transposed(), Matrix::new(&bt, n, k).transposed(), &mut c);
+            assert_close(&c, &expected, 1e-5, &format!("transposed {m}x{n}x{k}"));
         }
+    }
+
+    #[test]
+    fn some_columns() {
+        let (m, n, k) = (4, 9, 6);
+        let (a, b) = (noise(m * k, 3), noise(k * n, 4));
+        let whole = crate::reference::gemm(m, n, k, &a, &b);
+        let expected: Vec<_> = (0..m).flat_map(|i| whole[i * n + 2..i * n + 7].to_vec()).collect();
+        let mut c = vec![f32::NAN; m * 5];
+        product(Matrix::new(&a, m, k), Matrix::new(&b, k, n).columns(2..7), &mut c);
+        assert_close(&c, &expected, 1e-5, "columns 2..7");
     }
 }

@@ -1,0 +1,59 @@
+//! Quality loss (spec section 3.4): binary cross-entropy of logits against targets in `[0, 1]`, less the targets' own
+//! entropy, so that a perfect fit is 0. Points whose target is 0 are left out; divided by the number of the others (at
+//! least 1). Gradient `sigmoid(x) - target`.
+
+use super::one_over;
+use crate::ops::{sigmoid, softplus};
+use crate::{Tape, Tensor, Var};
+
+/// `-t ln t - (1 - t) ln(1 - t)`.
+fn entropy(t: f64) -> f64 {
+    let term = |t: f64| if t > 0.0 { -t * t.ln() } else { 0.0 };
+    term(t) + term(1.0 - t)
+}
+
+impl Tape<'_> {
+    /// The quality loss of `logits` against `targets`, any shape of as many values.
+    ///
+    /// Panics if there are not as many targets as logits.
+    pub fn quality_loss(&mut self, logits: Var, targets: &Tensor) -> Var {
+        let x = self.value(logits);
+        assert_eq!(x.data().len(), targets.data().len(), "quality_loss: targets");
+        let scale = one_over(targets.data().iter().filter(|target| **target != 0.0).count());
+        let mut gradient = Tensor::zeros(x.shape());
+        let mut loss = 0.0;
+        let points = gradient.data_mut().iter_mut().zip(x.data()).zip(targets.data());
+        for ((gradient, x), target) in points.filter(|(_, target)| **target != 0.0) {
+            let (x, t) = (f64::from(*x), f64::from(*target));
+            loss += scale * (f64::from(softplus(x as f32)) - x * t - entropy(t));
+            *gradient = (scale * (f64::from(sigmoid(x as f32)) - t)) as f32;
+        }
+        self.record_loss(loss, vec![(logits, gradient)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{assert_near, value_and_gradients};
+    use super::*;
+    use crate::check::{check, noise};
+
+    #[test]
+    fn golden_values() {
+        for (x, target, loss) in [(0.0, 0.7, 0.0822829), (0.5, 0.7, 0.0132127), (0.0, 0.5, 0.0)] {
+            let (found, _) = value_and_gradients(&[Tensor::scalar(x)], |tape, v| {
+                tape.quality_loss(v[0], &Tensor::scalar(target))
+            });
+            assert_near(&[found], &[loss], 1e-7);
+        }
+    }
+
+    #[test]
+    fn gradients() {
+        let targets = Tensor::new(&[6], vec![0.5, 0.0, 1.0, 0.01, 0.99, 0.0]);
+        check(&[noise(&[6], 1)], 0.1, 1e-4, |tape, v| tape.quality_loss(v[0], &targets));
+        let (loss, gradients) =
+            value_and_gradients(&[noise(&[2], 1)], |tape, v| tape.quality_loss(v[0], &Tensor::zeros(&[2])));
+        assert_eq!((loss, &gradients[0][..]), (0.0, &[0.0, 0.0][..]));
+    }
+}

@@ -1,0 +1,313 @@
+//! Batch normalisation per channel: `y = gamma (x - mean) / sqrt(variance + 1e-5) + beta`, then ReLU if asked for.
+//!
+//! In training `mean` and `variance` (biased, over batch and positions, `m` values) are the batch's, and the running ones
+//! follow with momentum 0.1 (the running variance is the unbiased `m / (m - 1)` one). In evaluation they are the running
+//! ones, and constants on the way back (spec sections 1.1, 3.9).
+//!
+//! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`. Backwards, with `g` the gradient of `y` (zeroed
+//! where ReLU was), `n` the normalised input and `a = gamma / sqrt(variance + 1e-5)`:
+//! - `dbeta = sum g`, `dgamma = sum g n`;
+//! - training: `dx = a (g - dbeta / m - n dgamma / m)`; evaluation: `dx = a g`.
+
+mod moments;
+
+use crate::tape::Operation;
+use crate::{Mode, ParameterId, Tape, Tensor, Var};
+use kernels::simd::{Kernel, Simd};
+use moments::Moments;
+
+const EPSILON: f64 = 1e-5;
+const MOMENTUM: f64 = 0.1;
+
+/// Where a normalisation keeps its running statistics, both `[channels]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RunningStatistics {
+    /// The mean.
+    pub mean: ParameterId,
+    /// The unbiased variance.
+    pub variance: ParameterId,
+}
+
+/// `y = a (x - mean) + b`, per channel, and ReLU: what both directions need.
+#[derive(Clone, Debug)]
+struct Affine {
+    mean: Vec<f32>,
+    a: Vec<f32>,
+    b: Vec<f32>,
+    relu: bool,
+}
+
+struct BatchNorm {
+    x: Var,
+    gamma: Var,
+    beta: Var,
+    affine: Affine,
+    deviation: Vec<f64>, // [channels], sqrt(variance + EPSILON)
+    mode: Mode,
+}
+
+impl Tape<'_> {
+    /// Normalises `x` (`[.., channels]`) and applies ReLU if asked for; in training, updates the `running` statistics.
+    ///
+    /// Panics if the shapes do not fit each other.
+    pub fn batch_norm(
+        &mut self,
+        x: Var,
+        gamma: Var,
+        beta: Var,
+        running: RunningStatistics,
+        relu: bool,
+    ) -> Var {
+        let (rows, channels) = self.value(x).rows("batch_norm");
+        for shape in [self.shape(gamma), self.shape(beta)] {
+            assert_eq!(shape, [channels], "batch_norm of {channels} channels");
+        }
+        let (mean, variance) = match self.mode {
+            Mode::Training => {
+                let Moments { mean, squares, count } =
+                    Moments::of(self.compute, self.value(x), part_len(self.value(x)));
+                let variance: Vec<f64> = squares.iter().map(|s| s / count).collect();
+                let unbiased = |s: f64| s / (count - 1.0).max(1.0);
+                follow(self.parameters[running.mean].value.data_mut(), mean.iter().copied());
+                let squares = squares.iter().map(|s| unbiased(*s));
+                follow(self.parameters[running.variance].value.data_mut(), squares);
+                (mean, variance)
+            }
+            Mode::Evaluation => {
+                let values =
+                    |id| self.parameters[id].value.data().iter().map(|v| f64::from(*v)).collect::<Vec<_>>();
+                (values(running.mean), values(running.variance))
+            }
+        };
+        assert!(rows > 0 && mean.len() == channels && variance.len() == channels, "statistics of batch_norm");
+        let deviation: Vec<f64> = variance.iter().map(|v| (v + EPSILON).sqrt()).collect();
+        let gammas = self.value(gamma).data().iter().zip(&deviation);
+        let affine = Affine {
+            mean: mean.iter().map(|v| *v as f32).collect(),
+            a: gammas.map(|(gamma, deviation)| (f64::from(*gamma) / deviation) as f32).collect(),
+            b: self.value(beta).data().to_vec(),
+            relu,
+        };
+        let mut out = self.compute.tensor(self.shape(x));
+        let part = part_len(self.value(x));
+        let input = self.value(x).data();
+        self.compute.each(out.data_mut(), part, |i, out| {
+            let x = &input[i * part..][..out.len()];
+            self.compute.isa().run(Normalise { affine: &affine, x, out });
+        });
+        let operation = BatchNorm { x, gamma, beta, affine, deviation, mode: self.mode };
+        self.record(out, &[x, gamma, beta], operation)
+    }
+}
+
+/// Moves running statistics a step towards the batch's.
+fn follow(running: &mut [f32], batch: impl Iterator<Item = f64>) {
+    for (running, batch) in running.iter_mut().zip(batch) {
+        *running = ((1.0 - MOMENTUM) * f64::from(*running) + MOMENTUM * batch) as f32;
+    }
+}
+
+/// Rows that are summed in `f32` before their sum is added in `f64`.
+const BLOCK: usize = 64;
+
+/// Values of one image, or of one row where there are no positions: what a thread takes at a time.
+fn part_len(x: &Tensor) -> usize {
+    x.data().len() / x.shape()[0]
+}
+
+/// `out = a (x - mean) + b`, and ReLU.
+struct Normalise<'a> {
+    affine: &'a Affine,
+    x: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl Kernel for Normalise<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Affine { mean, a, b, relu } = self.affine;
+        let floor = if *relu { 0.0 } else { f32::NEG_INFINITY };
+        let channels = mean.len();
+        for (out, x) in self.out.chunks_exact_mut(channels).zip(self.x.chunks_exact(channels)) {
+            for ((((out, x), mean), a), b) in out.iter_mut().zip(x).zip(mean).zip(a).zip(b) {
+                *out = (a * (x - mean) + b).max(floor);
+            }
+        }
+    }
+}
+
+impl Operation for BatchNorm {
+    fn backward(&self, tape: &mut Tape, _: &Tensor, mut gradient: Tensor) {
+        let compute = tape.compute;
+        let x = tape.value(self.x);
+        let (rows, channels) = x.rows("batch_norm");
+        let part = part_len(x);
+        let mut sums = vec![0.0f64; 2 * channels * x.shape()[0]];
+        compute.each2((gradient.data_mut(), part), (&mut sums, 2 * channels), |i, gradient, sums| {
+            let x = &x.data()[i * part..][..part];
+            compute.isa().run(Sums { affine: &self.affine, x, gradient, sums });
+        });
+        let total = |c: usize| sums[c..].iter().step_by(2 * channels).sum::<f64>();
+        let beta: Vec<f64> = (0..channels).map(total).collect();
+        let gamma = self.deviation.iter().enumerate().map(|(c, deviation)| total(channels + c) / deviation);
+        let gamma: Vec<f64> = gamma.collect();
+
+        if tape.needs_gradient(self.x) {
+            let (shift, slope) = match self.mode {
+                Mode::Training => {
+                    let m = rows as f64;
+                    let slope =
+                        gamma.iter().zip(&self.deviation).map(|(gamma, deviation)| gamma / deviation / m);
+                    (beta.iter().map(|beta| (beta / m) as f32).collect(), slope.map(|v| v as f32).collect())
+                }
+                Mode::Evaluation => (vec![0.0; channels], vec![0.0; channels]),
+            };
+            compute.each(gradient.data_mut(), part, |i, gradient| {
+                let x = &x.data()[i * part..][..part];
+                compute.isa().run(Differentiate {
+                    affine: &self.affine,
+                    shift: &shift,
+                    slope: &slope,
+                    x,
+                    gradient,
+                });
+            });
+        }
+        tape.add_gradient(self.x, gradient);
+        let vector = |values: &[f64]| Tensor::new(&[channels], values.iter().map(|v| *v as f32).collect());
+        tape.add_gradient(self.gamma, vector(&gamma));
+        tape.add_gradient(self.beta, vector(&beta));
+    }
+}
+
+/// Zeroes the gradient where ReLU was, and adds its sums `[g, g (x - mean)]` to `sums`.
+struct Sums<'a> {
+    affine: &'a Affine,
+    x: &'a [f32],
+    gradient: &'a mut [f32],
+    sums: &'a mut [f64], // [2, channels]
+}
+
+impl Kernel for Sums<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Affine { mean, a, b, relu } = self.affine;
+        let channels = mean.len();
+        let floor = if *relu { 0.0 } else { f32::NEG_INFINITY };
+        let (all, all_products) = self.sums.split_at_mut(channels);
+        let (mut sum, mut products) = (vec![0.0f32; channels], vec![0.0f32; channels]);
+        let len = BLOCK * channels;
+        for (gradient, x) in self.gradient.chunks_mut(len).zip(self.x.chunks(len)) {
+            sum.fill(0.0);
+            products.fill(0.0);
+            for (gradient, x) in gradient.chunks_exact_mut(channels).zip(x.chunks_exact(channels)) {
+                let sums = sum.iter_mut().zip(&mut products);
+                let affine = mean.iter().zip(a).zip(b);
+                for (((g, x), (sum, product)), ((mean, a), b)) in
+                    gradient.iter_mut().zip(x).zip(sums).zip(affine)
+                {
+                    let distance = x - mean;
+                    *g = if a * distance + b > floor { *g } else { 0.0 };
+                    *sum += *g;
+                    *product += *g * distance;
+                }
+            }
+            all.iter_mut().zip(&sum).for_each(|(all, sum)| *all += f64::from(*sum));
+            all_products.iter_mut().zip(&products).for_each(|(all, sum)| *all += f64::from(*sum));
+        }
+    }
+}
+
+/// `g = a (g - shift - slope (x - mean))`.
+struct Differentiate<'a> {
+    affine: &'a Affine,
+    shift: &'a [f32], // [channels]
+    slope: &'a [f32], // [channels]
+    x: &'a [f32],
+    gradient: &'a mut [f32],
+}
+
+impl Kernel for Differentiate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Affine { mean, a, .. } = self.affine;
+        let channels = mean.len();
+        for (gradient, x) in self.gradient.chunks_exact_mut(channels).zip(self.x.chunks_exact(channels)) {
+            let constants = mean.iter().zip(a).zip(self.shift).zip(self.slope);
+            for ((g, x), (((mean, a), shift), slope)) in gradient.iter_mut().zip(x).zip(constants) {
+                *g = a * (*g - shift - slope * (x - mean));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::{check_with, noise};
+    use crate::{Compute, Parameters};
+
+    fn parameters(channels: usize) -> (Parameters, RunningStatistics) {
+        let mut parameters = Parameters::new();
+        let mean = parameters.add_statistic("mean", noise(&[channels], 8));
+        let variance = parameters.add_statistic("variance", Tensor::full(&[channels], 0.5));
+        (parameters, RunningStatistics { mean, variance })
+    }
+
+    #[test]
+    fn gradients_in_training() {
+        for shape in [&[2, 3, 3, 4][..], &[5, 2], &[1, 9, 8, 1]] {
+            let channels = *shape.last().unwrap();
+            let (mut parameters, running) = parameters(channels);
+            let inputs = [noise(shape, 1), noise(&[channels], 2), noise(&[channels], 3)];
+            check_with(&mut parameters, &inputs, 0.02, 2e-4, |tape, v| {
+                tape.batch_norm(v[0], v[1], v[2], running, false)
+            });
+        }
+    }
+
+    #[test]
+    fn gradients_in_evaluation() {
+        let (mut parameters, running) = parameters(3);
+        let inputs = [noise(&[2, 2, 2, 3], 1), noise(&[3], 2), noise(&[3], 3)];
+        check_with(&mut parameters, &inputs, 0.1, 1e-5, |tape, v| {
+            tape.mode = Mode::Evaluation;
+            tape.batch_norm(v[0], v[1], v[2], running, false)
+        });
+    }
+
+    #[test]
+    fn gradients_through_relu() {
+        // Normalised to about +-1.2 and +-0.4 with beta 0.1: the check's step carries none of them across 0.
+        let x = Tensor::new(&[4, 1], vec![3.0, 4.0, 5.0, 6.0]);
+        let (mut parameters, running) = parameters(1);
+        let inputs = [x, Tensor::full(&[1], 0.9), Tensor::full(&[1], 0.1)];
+        check_with(&mut parameters, &inputs, 0.02, 2e-4, |tape, v| {
+            tape.batch_norm(v[0], v[1], v[2], running, true)
+        });
+    }
+
+    #[test]
+    fn normalises_and_follows() {
+        let compute = Compute::new(1).unwrap();
+        let (mut parameters, running) = parameters(1);
+        parameters[running.mean].value.data_mut()[0] = 2.0;
+        let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
+        let x = tape.constant(Tensor::new(&[4, 1], vec![1.0, 2.0, 3.0, 6.0]));
+        let (gamma, beta) = (tape.constant(Tensor::full(&[1], 2.0)), tape.constant(Tensor::full(&[1], 1.0)));
+        let y = tape.batch_norm(x, gamma, beta, running, false);
+        // Mean 3, biased variance 14 / 4, unbiased 14 / 3.
+        let expected = [1.0f64, 2.0, 3.0, 6.0].map(|x| 2.0 * (x - 3.0) / (3.5f64 + 1e-5).sqrt() + 1.0);
+        for (y, expected) in tape.value(y).data().iter().zip(expected) {
+            assert!((f64::from(*y) - expected).abs() < 1e-6);
+        }
+        assert!((parameters[running.mean].value.item() - 2.1).abs() < 1e-6);
+        assert!((parameters[running.variance].value.item() - (0.45 + 0.1 * 14.0 / 3.0)).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,179 @@
+//! The gradient of a convolution's weights, in register tiles.
+//!
+//! `dw[ky, j, o] = sum over images and output positions of g[y, x, o] * x_row[y s + ky][x s Cin + j]`, where
+//! `j = kx Cin + i` runs over the `k Cin` contiguous inputs of one row of the window: as in the forward kernel, no patch
+//! has to be gathered. One tile is up to 9 inputs `j` x up to 3 vectors of output channels, summed in registers over a
+//! strip of output positions:
+//!
+//! ```text
+//! for each image of the part
+//!   for each strip of output rows            its inputs and gradients stay in the L2 cache
+//!     for each block of channel vectors      its gradients stay in the L1 cache
+//!       for each kernel row, each tile of inputs
+//!         for each position of the strip     <- the hot loop, in `tile`
+//! ```
+
+use crate::ops::map::Placement;
+use crate::{Compute, Tensor};
+use kernels::Size;
+use kernels::conv::ConvShape;
+use kernels::simd::{Kernel, Simd};
+
+/// Images that are summed before the parts are: few enough to keep threads busy, enough to make the sum over parts cheap.
+const PART_IMAGES: usize = 4;
+
+/// Output positions of one strip, if a row is not longer.
+const STRIP: usize = 192;
+
+/// The gradient of `[Cout, k, k, Cin]`, for an input `x` and the `gradient` of the output.
+pub(super) fn weight_gradient(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient: &Tensor) -> Tensor {
+    let (inputs, outputs) = (x.maps("conv2d"), gradient.maps("conv2d"));
+    let (window, channels) = (shape.kernel * shape.kernel * shape.in_channels, shape.out_channels);
+    let padded = Placement::pad(inputs.size, shape.pad);
+    let parts = inputs.batch.div_ceil(PART_IMAGES);
+    let mut sums = compute.zeros(&[parts, window * channels]);
+    compute.each(sums.data_mut(), window * channels, |part, out| {
+        for image in part * PART_IMAGES..((part + 1) * PART_IMAGES).min(inputs.batch) {
+            let x = &x.data()[image * inputs.image()..][..inputs.image()];
+            let gradient = &gradient.data()[image * outputs.image()..][..outputs.image()];
+            let mut run = |input: &[f32]| {
+                let (size, width) = (padded.size, outputs.size.w);
+                compute.isa().run(WeightGradient { shape, input, size, gradient, width, out });
+            };
+            if shape.pad == 0 {
+                run(x);
+            } else {
+                compute.scratch(padded.size.area() * inputs.channels, |scratch| {
+                    padded.place_image(x, inputs.size, inputs.channels, scratch);
+                    run(scratch);
+                });
+            }
+        }
+    });
+    let mut out = compute.tensor(&[channels, shape.kernel, shape.kernel, shape.in_channels]);
+    compute.each(out.data_mut(), window, |o, out| {
+        for (j, out) in out.iter_mut().enumerate() {
+            *out = sums.data().iter().skip(j * channels + o).step_by(window * channels).sum();
+        }
+    });
+    compute.recycle(sums);
+    out
+}
+
+/// One image's share.
+struct WeightGradient<'a> {
+    shape: &'a ConvShape,
+    input: &'a [f32], // [size.h, size.w, Cin], padding included
+    size: Size,
+    gradient: &'a [f32], // [H', width, Cout]
+    width: usize,
+    out: &'a mut [f32], // [k, k * Cin, Cout], added to
+}
+
+impl Kernel for WeightGradient<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let WeightGradient { shape, input, size, gradient, width, out } = self;
+        let (channels, row_len) = (shape.out_channels, shape.kernel * shape.in_channels);
+        let input_row = size.w * shape.in_channels;
+        let vectors = channels.div_ceil(S::LANES);
+        let tiles = row_len.div_ceil(S::TILE_PIXELS[vectors.min(3)]);
+        let strip_rows = (STRIP / width).max(1);
+        for (strip, gradient) in gradient.chunks(strip_rows * width * channels).enumerate() {
+            for first_vector in (0..vectors).step_by(3) {
+                let first = first_vector * S::LANES;
+                for (ky, out) in out.chunks_exact_mut(row_len * channels).enumerate() {
+                    let mut j = 0;
+                    for i in 0..tiles {
+                        let width_j = row_len / tiles + usize::from(i < row_len % tiles);
+                        let args = Tile {
+                            input: &input[(strip * strip_rows * shape.stride + ky) * input_row..],
+                            input_row: shape.stride * input_row,
+                            input_step: shape.stride * shape.in_channels,
+                            j,
+                            gradient,
+                            width,
+                            channels,
+                            first,
+                            out: &mut out[j * channels..],
+                        };
+                        args.dispatch(simd, width_j, (vectors - first_vector).min(3));
+                        j += width_j;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One register tile: neighbouring inputs of a window's row x a block of output channels.
+struct Tile<'a> {
+    input: &'a [f32],    // from the first position's row of the window on
+    input_row: usize,    // from one output row's to the next one's
+    input_step: usize,   // from one position's to the next one's
+    j: usize,            // first input of the tile
+    gradient: &'a [f32], // [rows, width, channels]
+    width: usize,
+    channels: usize,
+    first: usize,       // first channel of the block
+    out: &'a mut [f32], // [inputs, channels], added to
+}
+
+impl Tile<'_> {
+    /// Calls [`run`](Self::run) with the tile's sizes as constants.
+    #[inline(always)]
+    fn dispatch<S: Simd>(self, simd: S, inputs: usize, vectors: usize) {
+        macro_rules! table {
+            ($($vectors:literal: $($inputs:literal)*;)*) => {
+                match (vectors, inputs) {
+                    $($(($vectors, $inputs) => self.run::<S, $inputs, $vectors>(simd),)*)*
+                    _ => unreachable!("tile of {inputs} inputs x {vectors} vectors"),
+                }
+            };
+        }
+        table! {
+            1: 1 2 3 4 5 6 7 8 9;
+            2: 1 2 3 4 5 6 7 8 9;
+            3: 1 2 3 4 5 6 7 8 9;
+        }
+    }
+
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn run<S: Simd, const INPUTS: usize, const VECTORS: usize>(self, simd: S) {
+        if INPUTS > S::TILE_PIXELS[VECTORS] {
+            unreachable!("more than the registers hold");
+        }
+        let whole = self.first + VECTORS * S::LANES <= self.channels;
+        let mut sums = [[simd.zero(); VECTORS]; INPUTS];
+        for (y, gradient) in self.gradient.chunks_exact(self.width * self.channels).enumerate() {
+            let input = &self.input[y * self.input_row + self.j..];
+            for (x, gradient) in gradient[self.first..].chunks(self.channels).enumerate() {
+                let input = &input[x * self.input_step..][..INPUTS];
+                let mut g = [simd.zero(); VECTORS];
+                for v in 0..VECTORS {
+                    let from = &gradient[v * S::LANES..];
+                    g[v] = if whole { simd.load(from) } else { simd.load_partial(from) };
+                }
+                for i in 0..INPUTS {
+                    let x = simd.splat(input[i]);
+                    for v in 0..VECTORS {
+                        sums[i][v] = simd.mul_add(x, g[v], sums[i][v]);
+                    }
+                }
+            }
+        }
+        for (sums, out) in sums.iter().zip(self.out.chunks_mut(self.channels)) {
+            for (v, sum) in sums.iter().enumerate() {
+                let out = &mut out[self.first + v * S::LANES..];
+                if whole {
+                    simd.store(simd.add(*sum, simd.load(out)), out);
+                } else {
+                    simd.store_partial(simd.add(*sum, simd.load_partial(out)), out);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! The tape: a computation is written down while it runs forward, and read backwards for its gradients.
+//!
+//! Every value on the tape is a node; an operation appends one node and remembers the nodes it read. [`Tape::backward`]
+//! takes nodes off the end, one by one. When a node's turn comes, all that used it have added their shares to its gradient,
+//! so the gradient is complete; the node's operation turns it into shares for the nodes it read, and the node's value is
+//! no longer needed by anyone.
+
+use crate::{Compute, ParameterId, Parameters, Tensor};
+use kernels::conv::Conv;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// A value on one [`Tape`]. It means nothing on another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Var(usize);
+
+/// Whether batch normalisation uses the batch's statistics, or the running ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// The batch's own; the running ones are updated.
+    Training,
+    /// The running ones, which stay as they are.
+    Evaluation,
+}
+
+/// How an operation goes backwards.
+pub(crate) trait Operation {
+    /// Adds to the gradients of the operation's inputs, given its `output` and the `gradient` of the loss with respect to it.
+    fn backward(&self, tape: &mut Tape, output: &Tensor, gradient: Tensor);
+}
+
+/// A computation, recorded as it runs.
+pub struct Tape<'a> {
+    pub(crate) compute: &'a Compute,
+    pub(crate) parameters: &'a mut Parameters,
+    pub(crate) mode: Mode,
+    nodes: Vec<Node>,
+    leaves: HashMap<ParameterId, Var>,
+    gradients: Vec<Option<Tensor>>, // of the nodes, while going backwards
+    /// Convolutions whose weights are laid out already, by weight and direction.
+    pub(crate) packed: HashMap<(Var, Direction), Arc<Conv>>,
+}
+
+/// Which way a convolution's weights are laid out for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Direction {
+    Forward,
+    Backward,
+}
+
+struct Node {
+    value: Value,
+    operation: Option<Box<dyn Operation>>, // none for leaves and for what needs no gradient
+    needs_gradient: bool,
+}
+
+enum Value {
+    Own(Tensor),
+    Parameter(ParameterId),
+}
+
+/// Gradients of a tape's inputs.
+#[derive(Debug, Default)]
+pub struct Gradients(HashMap<Var, Tensor>);
+
+impl Gradients {
+    /// The gradient of an [`input`](Tape::input); none if the loss does not depend on it.
+    pub fn get(&self, input: Var) -> Option<&Tensor> {
+        self.0.get(&input)
+    }
+}
+
+impl<'a> Tape<'a> {
+    /// An empty tape over `parameters`.
+    pub fn new(compute: &'a Compute, parameters: &'a mut Parameters, mode: Mode) -> Tape<'a> {
+        Tape {
+            compute,
+            parameters,
+            mode,
+            nodes: vec![],
+            leaves: HashMap::new(),
+            gradients: vec![],
+            packed: HashMap::new(),
+        }
+    }
+
+    /// A value without a gradient, such as a batch of images.
+    pub fn constant(&mut self, value: Tensor) -> Var {
+        self.append(Value::Own(value), None, false)
+    }
+
+    /// A value whose gradient [`backward`](Self::backward) returns.
+    pub fn input(&mut self, value: Tensor) -> Var {
+        self.append(Value::Own(value), None, true)
+    }
+
+    /// A parameter. Asked for twice, it is the same variable.
+    pub fn parameter(&mut self, id: ParameterId) -> Var {
+        if let Some(var) = self.leaves.get(&id) {
+            return *var;
+        }
+        let needs_gradient = self.parameters[id].is_trained();
+        let var = self.append(Value::Parameter(id), None, needs_gradient);
+        self.leaves.insert(id, var);
+        var
+    }
+
+    /// What a variable is.
+    pub fn value(&self, var: Var) -> &Tensor {
+        match &self.nodes[var.0].value {
+            Value::Own(value) => value,
+            Value::Parameter(id) => &self.parameters[*id].value,
+        }
+    }
+
+    /// A variable's extents.
+    pub fn shape(&self, var: Var) -> &[usize] {
+        self.value(var).shape()
+    }
+
+    /// Adds the gradients of the scalar `loss` to those of the parameters, and returns those of the inputs.
+    ///
+    /// Panics if `loss` is not one value.
+    pub fn backward(self, loss: Var) -> Gradients {
+        let shape = self.shape(loss).to_vec();
+        assert_eq!(shape.iter().product::<usize>(), 1, "a loss is one value, found {shape:?}");
+        self.backward_from(loss, Tensor::full(&shape, 1.0))
+    }
+
+    /// As [`backward`](Self::backward) for a loss that depends on `output` with that `gradient`, of the same shape.
+    pub fn backward_from(mut self, output: Var, gradient: Tensor) -> Gradients {
+        assert_eq!(self.shape(output), gradient.shape(), "gradient of an output");
+        self.gradients.resize_with(self.nodes.len(), || None);
+        self.add_gradient(output, gradient);
+        let mut inputs = HashMap::new();
+        while let Some(node) = self.nodes.pop() {
+            let gradient = self.gradients.pop().flatten();
+            match (node.value, gradient) {
+                (Value::Own(value), gradient) => {
+                    match (node.operation, gradient) {
+                        (Some(operation), Some(gradient)) => operation.backward(&mut self, &value, gradient),
+                        (None, Some(gradient)) => _ = inputs.insert(Var(self.nodes.len()), gradient),
+                        (_, None) => {}
+                    }
+                    self.compute.recycle(value);
+                }
+                (Value::Parameter(id), Some(gradient)) => {
+                    add(self.compute, &mut self.parameters[id].gradient, gradient);
+                }
+                (Value::Parameter(_), None) => {}
+            }
+        }
+        self.compute.end_step();
+        Gradients(inputs)
+    }
+
+    /// Records an operation that read `inputs` and gave `value`.
+    pub(crate) fn record(
+        &mut self,
+        value: Tensor,
+        inputs: &[Var],
+        operation: impl Operation + 'static,
+    ) -> Var {
+        let needs_gradient = inputs.iter().any(|input| self.needs_gradient(*input));
+        let operation: Option<Box<dyn Operation>> =
+            if needs_gradient { Some(Box::new(operation)) } else { None };
+        self.append(Value::Own(value), operation, needs_gradient)
+    }
+
+    fn append(&mut self, value: Value, operation: Option<Box<dyn Operation>>, needs_gradient: bool) -> Var {
+        self.nodes.push(Node { value, operation, needs_gradient });
+        Var(self.nodes.len() - 1)
+    }
+
+    /// Whether anyone wants a variable's gradient.
+    pub(crate) fn needs_gradient(&self, var: Var) -> bool {
+        self.nodes[var.0].needs_gradient
+    }
+
+    /// Adds a share to a variable's gradient, if anyone wants it.
+    pub(crate) fn add_gradient(&mut self, var: Var, share: Tensor) {
+        debug_assert_eq!(self.shape(var), share.shape(), "gradient of a variable");
+        if self.needs_gradient(var) {
+            add(self.compute, &mut self.gradients[var.0], share);
+        } else {
+            self.compute.recycle(share);
+        }
+    }
+}
+
+/// `sum += share`.
+fn add(compute: &Compute, sum: &mut Option<Tensor>, share: Tensor) {
+    match sum {
+        None => *sum = Some(share),
+        Some(sum) => {
+            crate::vector::update2(compute, sum.data_mut(), share.data(), |s, x| *s += x);
+            compute.recycle(share);
+        }
+    }
+}
