@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use scenes::Difficulty;
 use track_cpu::source::{PixelFormat, RawFormat};
 use track_cpu::{BBox, Isa, Model, ModelError};
 use weights_format::{Architecture, Encoder, Weights, Widths};
@@ -143,6 +144,9 @@ pub struct DemoArgs {
     /// Which flight.
     #[arg(long, value_name = "N", default_value_t = 7)]
     pub seed: u64,
+    /// How hard it is to follow: medium hides the object behind things, hard also lets it leave the view.
+    #[arg(long, value_enum, default_value_t = DifficultyChoice::Easy)]
+    difficulty: DifficultyChoice,
     /// Its length.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = frames)]
     pub frames: usize,
@@ -152,6 +156,28 @@ pub struct DemoArgs {
     /// How the network is run.
     #[command(flatten)]
     pub engine: EngineArgs,
+}
+
+/// How hard a flight is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DifficultyChoice {
+    /// Calm and clear.
+    Easy,
+    /// Shake, look-alikes, occlusions.
+    Medium,
+    /// More of it, and exits from the view.
+    Hard,
+}
+
+impl DemoArgs {
+    /// How hard the flight is to be.
+    pub fn difficulty(&self) -> Difficulty {
+        match self.difficulty {
+            DifficultyChoice::Easy => Difficulty::Easy,
+            DifficultyChoice::Medium => Difficulty::Medium,
+            DifficultyChoice::Hard => Difficulty::Hard,
+        }
+    }
 }
 
 /// Which network, where a random one will do.

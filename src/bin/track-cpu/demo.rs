@@ -31,7 +31,12 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let (gif, sheet) = (args.out.join("demo.gif"), args.out.join("sheet.png"));
     let mut film = Film::create(&gif)?;
 
-    let config = FlightConfig { frames: args.frames, seed: args.seed, ..FlightConfig::default() };
+    let config = FlightConfig {
+        frames: args.frames,
+        seed: args.seed,
+        difficulty: args.difficulty(),
+        ..FlightConfig::default()
+    };
     let (width, height) = (config.width, config.height);
     let flight = Flight::new(config);
     let mut buffer = FrameBuffer::default();
@@ -77,7 +82,8 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let fps = Times::new(&times).fps();
     let (frames, seed) = (args.frames, args.seed);
     let summary = format!("mean IoU {iou:.3}   precision@20px {precision:.3}   {fps:.0} FPS on the CPU");
-    let title = format!("track-cpu demo   seed {seed}   {frames} frames of {width}x{height}");
+    let difficulty = format!("{:?}", args.difficulty()).to_lowercase();
+    let title = format!("track-cpu demo   {difficulty} flight {seed}   {frames} frames of {width}x{height}");
     sheet::write(&sheet, &title, &summary, &pictures)?;
     print(&format!("{title}\n{summary}"))?;
     if args.json {
