@@ -4,9 +4,13 @@
 
 pub mod data;
 pub mod error;
+pub mod fit;
+pub mod network;
 pub mod rng;
 pub mod show;
+pub mod targets;
 #[cfg(test)]
 mod testing;
+pub mod validate;
 
 pub use error::Error;

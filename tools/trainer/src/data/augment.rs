@@ -1,8 +1,10 @@
 //! How much is changed about a pair, and how often.
 
+use serde::{Deserialize, Serialize};
+
 /// Strengths and probabilities of all changes. The presets are [`none`](Self::none) (spec section 3.2 and nothing else),
 /// [`light`](Self::light) and [`strong`](Self::strong).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Augment {
     /// Reach of the logarithm of the search crop's scale.
     pub scale: f32,

@@ -38,6 +38,7 @@ use geometry::{Corners, Pose, View};
 use pairs::PairRules;
 use paste::Cutout;
 use picture::{Album, Picture, PictureId};
+use serde::{Deserialize, Serialize};
 use skipped::Skipped;
 use spec::{DataSpec, What};
 use std::path::Path;
@@ -45,7 +46,7 @@ use std::sync::Arc;
 use tracks::{Tracks, running};
 
 /// How pairs are made.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DataOptions {
     /// Decides everything random.
     pub seed: u64,

@@ -2,10 +2,11 @@
 
 use super::tracks::Shot;
 use crate::rng::Rng;
+use serde::{Deserialize, Serialize};
 use track_cpu::BBox;
 
 /// Rules for the two frames of a pair.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PairRules {
     /// Most frames between them.
     pub max_gap: u32,

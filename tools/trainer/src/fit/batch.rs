@@ -1,0 +1,35 @@
+//! From samples to what the network sees.
+
+use crate::data::Sample;
+use crate::network::{Batch, INPUT};
+use crate::targets::{Cells, Targets};
+use autodiff::Tensor;
+use weights_format::Architecture;
+
+/// A batch of samples whose search crops have one size.
+pub fn batch(samples: &[Sample], architecture: &Architecture) -> Batch {
+    let size = samples.first().map_or(architecture.search_size, |sample| sample.search_size);
+    let cells = Cells::of(architecture, size);
+    let items: Vec<_> = samples.iter().map(|sample| (sample.corners, sample.negative)).collect();
+    Batch {
+        template: crops(samples.iter().map(|s| &s.template), architecture.template_size),
+        search: crops(samples.iter().map(|s| &s.search), size),
+        again: crops(samples.iter().map(|s| &s.again), architecture.template_size),
+        positive: samples.iter().map(|sample| !sample.negative).collect(),
+        targets: Targets::new(&items, cells),
+        cells,
+    }
+}
+
+/// Crops of bytes as one tensor `[batch, side, side, 3]`, normalised.
+fn crops<'a>(crops: impl Iterator<Item = &'a Vec<u8>>, side: usize) -> Tensor {
+    let (mean, std) = (INPUT.mean[0], INPUT.std[0]);
+    let table: [f32; 256] = std::array::from_fn(|value| (value as f32 - mean) / std);
+    let mut values = Vec::new();
+    let mut count = 0;
+    for crop in crops {
+        values.extend(crop.iter().map(|value| table[usize::from(*value)]));
+        count += 1;
+    }
+    Tensor::new(&[count, side, side, 3], values)
+}

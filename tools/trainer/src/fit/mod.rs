@@ -1,0 +1,460 @@
+//! The training run: read [`Fit::run`] first.
+
+mod batch;
+mod checkpoint;
+mod curves;
+mod options;
+mod report;
+mod statistics;
+
+pub use checkpoint::{Position, State};
+pub use options::{Budget, FitOptions, OptimiserKind, standard};
+
+use crate::data::feed::Feed;
+use crate::data::{DataOptions, Dataset};
+use crate::error::{Error, brief};
+use crate::network::{LossValues, Network};
+use crate::validate::{Report, Validation};
+use autodiff::optim::{Optimiser, clip_gradients};
+use autodiff::{Compute, Mode, Parameters, Tape, Tensor};
+use report::{Reporter, Standing};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+use weights_format::{Provenance, Storage, Weights};
+
+/// How a run behaves, without any bearing on what comes out.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Where checkpoints, log and curves go.
+    pub out: PathBuf,
+    /// Threads that compute.
+    pub threads: usize,
+    /// Threads that make samples.
+    pub data_threads: usize,
+    /// Minutes of training between checkpoints.
+    pub checkpoint_minutes: f64,
+    /// Minutes of training between validations.
+    pub validate_minutes: f64,
+    /// What is tracked to see how good the weights are.
+    pub validation: Validation,
+    /// Stop after that many more steps, as if interrupted.
+    pub stop_after: Option<u64>,
+}
+
+/// A network in training.
+pub struct Fit {
+    position: Position,
+    network: Network,
+    parameters: Parameters,
+    optimiser: Box<dyn Optimiser>,
+    averages: Vec<Tensor>, // of all parameters in their order; empty if the run keeps none
+}
+
+/// Batches made ahead of the one in use.
+const AHEAD: usize = 6;
+
+/// Steps between two entries of the log.
+const LOG_STEPS: u64 = 25;
+
+/// Batches for the estimation of statistics are far behind all that are trained on.
+const ESTIMATION: u64 = 1 << 40;
+
+impl Fit {
+    /// A run that begins with fresh parameters.
+    ///
+    /// # Errors
+    /// If an option is out of range.
+    pub fn start(options: FitOptions, data: Vec<String>, data_options: DataOptions) -> Result<Fit, Error> {
+        options.check()?;
+        let mut fit = Fit::empty(Position::start(options, data, data_options))?;
+        let FitOptions { init, seed, average, .. } = fit.position.options;
+        fit.network.initialise(&mut fit.parameters, init, seed);
+        if average > 0.0 {
+            fit.averages = fit.parameters.iter().map(|p| p.value.clone()).collect();
+        }
+        Ok(fit)
+    }
+
+    /// A run as a checkpoint left it.
+    ///
+    /// # Errors
+    /// If the file is not a checkpoint, or does not have every tensor of its network.
+    pub fn resume(path: &Path) -> Result<Fit, Error> {
+        let (position, state) = checkpoint::load(path)?;
+        let mut fit = Fit::empty(position)?;
+        let wrong =
+            |found: &dyn ToString| Error::file(path, "every tensor of its network", found.to_string());
+        let expected = fit.parameters.iter().len();
+        if state.parameters.len() != expected {
+            return Err(wrong(&format!("{} tensors in place of {expected}", state.parameters.len())));
+        }
+        for (name, value) in state.parameters {
+            fit.parameters.restore(&name, value).map_err(|error| wrong(&error))?;
+        }
+        for (name, value) in state.optimiser {
+            fit.optimiser.restore(&fit.parameters, &name, value).map_err(|error| wrong(&error))?;
+        }
+        if !state.averages.is_empty() {
+            let mut averages = fit.parameters.clone();
+            for (name, value) in state.averages {
+                averages.restore(&name, value).map_err(|error| wrong(&error))?;
+            }
+            fit.averages = averages.iter().map(|p| p.value.clone()).collect();
+        }
+        Ok(fit)
+    }
+
+    fn empty(position: Position) -> Result<Fit, Error> {
+        let FitOptions { architecture, statistics_nets, .. } = position.options;
+        let mut parameters = Parameters::new();
+        let network = Network::new(&mut parameters, architecture, statistics_nets)?;
+        let optimiser = position.options.optimiser();
+        Ok(Fit { position, network, parameters, optimiser, averages: Vec::new() })
+    }
+
+    /// Takes over the parameters of another checkpoint that have the same name and shape; the names of those that have
+    /// not.
+    ///
+    /// # Errors
+    /// If the file is not a checkpoint.
+    pub fn take_over(&mut self, path: &Path) -> Result<Vec<String>, Error> {
+        let (_, state) = checkpoint::load(path)?;
+        let mut taken = std::collections::HashSet::new();
+        for (name, value) in state.parameters {
+            if self.parameters.restore(&name, value).is_ok() {
+                taken.insert(name);
+            }
+        }
+        if !self.averages.is_empty() {
+            self.averages = self.parameters.iter().map(|p| p.value.clone()).collect();
+        }
+        let left = self.parameters.iter().map(|p| p.name()).filter(|name| !taken.contains(*name));
+        Ok(left.map(String::from).collect())
+    }
+
+    /// Writes a checkpoint.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), Error> {
+        let own = |(name, tensor): (&str, &Tensor)| (name.to_owned(), tensor.clone());
+        let named = self.parameters.iter().map(|p| p.name()).zip(&self.averages);
+        let optimiser = self.optimiser.state(&self.parameters);
+        let state = State {
+            parameters: self.parameters.state().map(own).collect(),
+            optimiser: optimiser.into_iter().map(|(name, tensor)| (name, tensor.clone())).collect(),
+            averages: named.map(own).collect(),
+        };
+        checkpoint::save(path, &self.position, &state)
+    }
+
+    /// Where the run stands.
+    pub fn position(&self) -> &Position {
+        &self.position
+    }
+
+    /// The parameters.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// Share of the run that is done, from 0 to 1.
+    pub fn progress(&self) -> f64 {
+        let done = match self.position.options.budget {
+            Budget::Steps(steps) => self.position.step as f64 / steps as f64,
+            Budget::Minutes(minutes) => self.position.seconds / (60.0 * minutes),
+        };
+        if self.position.finished { 1.0 } else { done.min(1.0) }
+    }
+
+    /// Trains to the end of the budget: batches, steps, and from time to time a line of the log, a validation and a
+    /// checkpoint; then the last touches.
+    ///
+    /// # Errors
+    /// If the data cannot be opened, a file cannot be written, or a loss is not finite.
+    pub fn run(&mut self, dataset: Arc<Dataset>, run: &RunOptions) -> Result<(), Error> {
+        std::fs::create_dir_all(&run.out).map_err(Error::io(&run.out))?;
+        let compute = compute(run.threads)?;
+        let mut reporter = Reporter::open(&run.out, self.position.step)?;
+        let mut watch = Watch::new(self.position.seconds);
+        let batch_size = self.position.options.batch;
+        let first = self.position.step;
+        let mut feed = Feed::new(dataset.clone(), batch_size, first, run.data_threads, AHEAD);
+        let mut smooth = Smooth::default();
+        while self.progress() < 1.0 {
+            if run.stop_after.is_some_and(|steps| self.position.step >= first + steps) {
+                return Ok(());
+            }
+            let start = Instant::now();
+            let samples = feed.next(|number| self.size_of(number));
+            let waited = start.elapsed().as_secs_f64();
+            let size = samples.first().map_or(0, |sample| sample.search_size);
+            let batch = batch::batch(&samples, self.network.architecture());
+            let (losses, norm, rate) = self.step(&compute, batch)?;
+            let seconds = start.elapsed().as_secs_f64();
+            self.position.seconds += seconds;
+            smooth.add(&losses, seconds, waited);
+
+            let standing = self.standing(&smooth, size);
+            reporter.show(&standing);
+            if self.position.step.is_multiple_of(LOG_STEPS) {
+                reporter.log(entry(&standing, rate, norm, smooth.waited))?;
+            }
+            if watch.validate.due(self.position.seconds, run.validate_minutes) && !run.validation.is_empty() {
+                self.validate(run, &mut reporter)?;
+            }
+            if watch.checkpoint.due(self.position.seconds, run.checkpoint_minutes) {
+                self.save(&run.out.join("checkpoint.safetensors"))?;
+                reporter.draw()?;
+            }
+        }
+        drop(feed);
+        self.save(&run.out.join("checkpoint.safetensors"))?;
+        self.finish(&compute, dataset, run, &mut reporter)
+    }
+
+    /// Side of the search crops of a batch.
+    fn size_of(&self, number: u64) -> usize {
+        let progress = match self.position.options.budget {
+            Budget::Steps(steps) => number as f64 / steps as f64,
+            Budget::Minutes(_) => self.progress(),
+        };
+        self.position.options.search_size(progress)
+    }
+
+    /// One step: forward, backward, clip, move. The losses, the gradient's norm, and the learning rate.
+    fn step(
+        &mut self,
+        compute: &Compute,
+        batch: crate::network::Batch,
+    ) -> Result<(LossValues, f32, f32), Error> {
+        let progress = self.progress();
+        let options = &self.position.options;
+        let parameters = &mut self.parameters;
+        options.group(parameters, progress);
+        parameters.clear_gradients();
+        let mut tape = Tape::new(compute, parameters, Mode::Training);
+        let (_, losses) = self.network.losses(&mut tape, batch, &options.losses);
+        let values = losses.values(&tape);
+        let diverged =
+            |what: &str, found: f64| Error::Diverged { step: self.position.step, what: what.into(), found };
+        if let Some((name, value)) = values.named().into_iter().find(|(_, value)| !value.is_finite()) {
+            return Err(diverged(&format!("the loss {name}"), value));
+        }
+        tape.backward(losses.total);
+        let limit = if options.clip > 0.0 { options.clip } else { f32::INFINITY };
+        let norm = clip_gradients(compute, parameters, limit, |_| true);
+        if !norm.is_finite() {
+            return Err(diverged("the gradient's norm", f64::from(norm)));
+        }
+        let rate = options.rate(progress);
+        self.optimiser.step(compute, parameters, rate);
+        let keep = options.average;
+        for (average, parameter) in self.averages.iter_mut().zip(parameters.iter()) {
+            for (average, value) in average.data_mut().iter_mut().zip(parameter.value.data()) {
+                *average = value + (*average - value) * keep;
+            }
+        }
+        self.position.step += 1;
+        Ok((values, norm, rate))
+    }
+
+    fn standing(&self, smooth: &Smooth, size: usize) -> Standing {
+        let batch = self.position.options.batch as u64;
+        Standing {
+            step: self.position.step,
+            pairs: self.position.step * batch,
+            progress: self.progress(),
+            seconds: self.position.seconds,
+            speed: batch as f64 / smooth.seconds,
+            losses: smooth.losses,
+            size,
+        }
+    }
+
+    /// Tracks with the present weights, and keeps them if they are the best so far.
+    fn validate(&mut self, run: &RunOptions, reporter: &mut Reporter) -> Result<Report, Error> {
+        let report = run.validation.run(&self.export(Storage::F32, "validation", None)?, run.threads)?;
+        reporter.say(&format!("step {}: {report}", self.position.step));
+        reporter.log(json!({ "step": self.position.step, "validation": report }))?;
+        reporter.draw()?;
+        if let Some(score) =
+            report.score().filter(|score| self.position.best.is_none_or(|(best, _)| *score > best))
+        {
+            self.position.best = Some((score, self.position.step));
+            let state = State { optimiser: Vec::new(), averages: Vec::new(), ..self.deployed_state() };
+            let mut position = self.position.clone();
+            position.options.average = 0.0;
+            checkpoint::save(&run.out.join("best.safetensors"), &position, &state)?;
+        }
+        Ok(report)
+    }
+
+    /// Takes the averages if there are any, estimates batch statistics anew, keeps that if it is no worse, and writes
+    /// `final.safetensors` (a checkpoint) and `weights.safetensors`.
+    fn finish(
+        &mut self,
+        compute: &Compute,
+        dataset: Arc<Dataset>,
+        run: &RunOptions,
+        reporter: &mut Reporter,
+    ) -> Result<(), Error> {
+        for (parameter, average) in self.parameters.iter_mut().zip(std::mem::take(&mut self.averages)) {
+            parameter.value = average;
+        }
+        self.position.options.average = 0.0;
+        let checks = !run.validation.is_empty();
+        let running = if checks { Some(self.validate(run, reporter)?) } else { None };
+        let mut figures = running.clone();
+        let count = self.position.options.estimation_batches;
+        if count > 0 {
+            let kept = self.parameters.clone();
+            let batch = self.position.options.batch;
+            let mut feed = Feed::new(dataset, batch, ESTIMATION, run.data_threads, AHEAD);
+            statistics::estimate(compute, &self.network, &mut self.parameters, &mut feed, count);
+            if let Some(running) = running {
+                let estimated = self.validate(run, reporter)?;
+                let better = estimated.score() >= running.score();
+                let verdict = if better { "kept" } else { "worse than the running ones, not kept" };
+                reporter.say(&format!("batch statistics from {count} batches: {verdict}"));
+                if better {
+                    figures = Some(estimated);
+                } else {
+                    self.parameters = kept;
+                }
+            }
+        }
+        self.position.finished = true;
+        self.save(&run.out.join("final.safetensors"))?;
+        let weights = self.export(Storage::F32, "drmim", figures.as_ref())?;
+        weights.write(&run.out.join("weights.safetensors"))?;
+        reporter.draw()
+    }
+
+    /// Parameters as they are deployed: the averages, where the run keeps them.
+    fn deployed_state(&self) -> State {
+        let deployed = self.deployed();
+        let parameters = deployed.state().map(|(name, tensor)| (name.to_owned(), tensor.clone())).collect();
+        State { parameters, ..State::default() }
+    }
+
+    fn deployed(&self) -> Parameters {
+        let mut parameters = self.parameters.clone();
+        for (parameter, average) in parameters.iter_mut().zip(&self.averages) {
+            parameter.value = average.clone();
+        }
+        parameters
+    }
+
+    /// The deployed network as weights, with where they come from.
+    ///
+    /// # Errors
+    /// If a value does not fit the storage or is not finite.
+    pub fn export(&self, storage: Storage, name: &str, figures: Option<&Report>) -> Result<Weights, Error> {
+        let Position { options, data, data_options, step, seconds, .. } = &self.position;
+        let mut notes = vec![
+            ("data", data.join(" ")),
+            ("steps", step.to_string()),
+            ("pairs", (step * options.batch as u64).to_string()),
+            ("minutes", format!("{:.1}", seconds / 60.0)),
+            ("seed", data_options.seed.to_string()),
+            ("commit", commit()),
+            ("options", serde_json::to_string(options).unwrap_or_default()),
+        ];
+        notes.extend(figures.map(|report| ("validation", report.to_string())));
+        let provenance = Provenance {
+            name: brief(name),
+            source: format!("track-cpu trainer {}", env!("CARGO_PKG_VERSION")),
+            notes: notes.into_iter().map(|(key, text)| (key.to_owned(), printable(&text))).collect(),
+        };
+        let weights = self.network.export(&self.deployed(), storage, provenance);
+        weights.check()?;
+        Ok(weights)
+    }
+}
+
+/// Text without control characters.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+}
+
+/// The source's commit, where it lies in a repository.
+fn commit() -> String {
+    let git = std::process::Command::new("git")
+        .args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"])
+        .output();
+    let text = git.ok().filter(|output| output.status.success());
+    let text = text.and_then(|output| String::from_utf8(output.stdout).ok());
+    text.map_or_else(|| "unknown".into(), |text| text.trim().to_owned())
+}
+
+fn compute(threads: usize) -> Result<Compute, Error> {
+    Compute::new(threads).map_err(|error| Error::option("--threads", "threads that can be started", error))
+}
+
+fn entry(standing: &Standing, rate: f32, norm: f32, waited: f64) -> serde_json::Value {
+    let losses: serde_json::Map<_, _> =
+        standing.losses.named().into_iter().map(|(name, value)| (name.to_owned(), json!(value))).collect();
+    json!({
+        "step": standing.step,
+        "pairs": standing.pairs,
+        "seconds": standing.seconds,
+        "pairs_per_s": standing.speed,
+        "size": standing.size,
+        "rate": rate,
+        "norm": norm,
+        "waited": waited,
+        "losses": losses,
+    })
+}
+
+/// Losses and times as they were lately.
+#[derive(Default)]
+struct Smooth {
+    count: u64,
+    losses: LossValues,
+    seconds: f64, // per step
+    waited: f64,  // seconds for data, in all
+}
+
+impl Smooth {
+    fn add(&mut self, losses: &LossValues, seconds: f64, waited: f64) {
+        self.count += 1;
+        let share = (1.0 / self.count as f64).max(0.02);
+        self.losses = self.losses.mixed(losses, share);
+        self.seconds += (seconds - self.seconds) * share;
+        self.waited += waited;
+    }
+}
+
+/// When things are due that happen now and then.
+struct Watch {
+    checkpoint: Timer,
+    validate: Timer,
+}
+
+struct Timer(f64);
+
+impl Watch {
+    fn new(seconds: f64) -> Watch {
+        Watch { checkpoint: Timer(seconds), validate: Timer(seconds) }
+    }
+}
+
+impl Timer {
+    /// Whether `minutes` have passed since it last was.
+    fn due(&mut self, seconds: f64, minutes: f64) -> bool {
+        let due = seconds - self.0 >= 60.0 * minutes;
+        if due {
+            self.0 = seconds;
+        }
+        due
+    }
+}

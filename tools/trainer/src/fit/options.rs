@@ -1,0 +1,275 @@
+//! How a network is trained.
+
+use crate::error::Error;
+use crate::network::{Init, LossOptions, StatisticsNets};
+use autodiff::Parameters;
+use autodiff::optim::{AdamW, Optimiser, Sgd, WarmupCosine};
+use serde::{Deserialize, Serialize};
+use weights_format::{Architecture, Encoder, Widths};
+
+/// How long training goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Budget {
+    /// That many steps.
+    Steps(u64),
+    /// That many minutes of steps; validation and saving do not count. A resumed run then has the same length but, time being
+    /// what it is, not the same bits.
+    Minutes(f64),
+}
+
+/// What moves the parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OptimiserKind {
+    /// Adam with decoupled weight decay on convolution weights.
+    AdamW,
+    /// SGD with momentum 0.9 and weight decay on everything.
+    Sgd,
+}
+
+/// Everything that determines a training run, together with its data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitOptions {
+    /// Widths, encoder, crop sizes.
+    pub architecture: Architecture,
+    /// Networks of the mutual-information loss.
+    pub statistics_nets: StatisticsNets,
+    /// First values.
+    pub init: Init,
+    /// Weights of the losses.
+    pub losses: LossOptions,
+    /// What moves the parameters.
+    pub optimiser: OptimiserKind,
+    /// Highest learning rate.
+    pub peak_rate: f64,
+    /// Last learning rate.
+    pub floor_rate: f64,
+    /// Share of the run in which the rate rises.
+    pub warmup_share: f64,
+    /// Weight decay.
+    pub decay: f32,
+    /// Factor on the backbone's learning rate.
+    pub backbone_rate: f32,
+    /// Whether backbone convolutions are frozen and thawed one by one (spec section 3.5).
+    pub freeze: bool,
+    /// Largest norm of the gradient; larger ones are scaled down. 0 for no limit.
+    pub clip: f32,
+    /// Pairs per step; at least 2.
+    pub batch: usize,
+    /// Length of the run.
+    pub budget: Budget,
+    /// Side of the search crops in the first part of the run.
+    pub early_size: usize,
+    /// Share of the run that is its first part.
+    pub early_share: f64,
+    /// Share of the old in the running average of the weights; 0 for no average.
+    pub average: f32,
+    /// Batches from which batch statistics are estimated anew at the end; 0 to keep the running ones.
+    pub estimation_batches: usize,
+    /// Decides first values.
+    pub seed: u64,
+}
+
+impl FitOptions {
+    /// For hours on a few cores, from nothing: AdamW, everything trains, small search crops first.
+    pub fn cpu() -> FitOptions {
+        FitOptions {
+            architecture: standard(0.5),
+            statistics_nets: StatisticsNets::Light,
+            init: Init::Kaiming,
+            losses: LossOptions::default(),
+            optimiser: OptimiserKind::AdamW,
+            peak_rate: 6e-4,
+            floor_rate: 3e-6,
+            warmup_share: 0.03,
+            decay: 0.05,
+            backbone_rate: 1.0,
+            freeze: false,
+            clip: 10.0,
+            batch: 16,
+            budget: Budget::Minutes(60.0),
+            early_size: 239,
+            early_share: 0.5,
+            average: 0.0,
+            estimation_batches: 25,
+            seed: 0,
+        }
+    }
+
+    /// The reference implementation's schedule (spec section 3.5): for a backbone that was trained before.
+    pub fn paper() -> FitOptions {
+        FitOptions {
+            statistics_nets: StatisticsNets::Full,
+            init: Init::Paper,
+            losses: LossOptions {
+                min_iou: f32::MIN_POSITIVE,
+                max_exponent: f32::MAX,
+                ..LossOptions::default()
+            },
+            optimiser: OptimiserKind::Sgd,
+            peak_rate: 0.08,
+            floor_rate: 1e-6,
+            warmup_share: 0.05, // one epoch of 20
+            decay: 5e-5,
+            backbone_rate: 0.1,
+            freeze: true,
+            clip: 0.0,
+            batch: 32,
+            budget: Budget::Steps(20 * 12_500),
+            early_share: 0.0,
+            estimation_batches: 0,
+            ..FitOptions::cpu()
+        }
+    }
+
+    /// Checks what is not checked elsewhere.
+    ///
+    /// # Errors
+    /// Names the first option that is out of range.
+    pub fn check(&self) -> Result<(), Error> {
+        self.architecture.check()?;
+        Architecture { search_size: self.early_size, ..self.architecture }.check()?;
+        let within = |option: &str, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(Error::option(option, format!("{low} to {high}"), value))
+        };
+        within("--batch", self.batch as f64, 2.0, 1024.0)?;
+        within("--rate", self.peak_rate, 0.0, 10.0)?;
+        within("--decay", f64::from(self.decay), 0.0, 1.0)?;
+        within("--clip", f64::from(self.clip), 0.0, f64::from(f32::MAX))?;
+        within("--early-share", self.early_share, 0.0, 1.0)?;
+        within("--average", f64::from(self.average), 0.0, 0.999_999)?;
+        within("--estimation-batches", self.estimation_batches as f64, 0.0, 1e5)?;
+        match self.budget {
+            Budget::Steps(steps) => within("--steps", steps as f64, 1.0, 1e12),
+            Budget::Minutes(minutes) => within("--minutes", minutes, 1e-3, 1e6),
+        }
+    }
+
+    /// Learning rate when that share of the run is done.
+    pub fn rate(&self, progress: f64) -> f32 {
+        const FINE: f64 = 1e9; // the schedule counts whole steps; these are fine enough for any run
+        let fine = |share: f64| (share.clamp(0.0, 1.0) * FINE) as usize;
+        let start =
+            if self.warmup_share > 0.0 { self.floor_rate.min(self.peak_rate) } else { self.peak_rate };
+        let schedule = WarmupCosine {
+            start,
+            peak: self.peak_rate,
+            floor: self.floor_rate,
+            warmup: fine(self.warmup_share),
+            total: fine(1.0),
+        };
+        schedule.rate(fine(progress))
+    }
+
+    /// Side of the search crops when that share of the run is done.
+    pub fn search_size(&self, progress: f64) -> usize {
+        if progress < self.early_share { self.early_size } else { self.architecture.search_size }
+    }
+
+    /// A fresh optimiser.
+    pub fn optimiser(&self) -> Box<dyn Optimiser> {
+        match self.optimiser {
+            OptimiserKind::AdamW => Box::new(AdamW::default()),
+            OptimiserKind::Sgd => Box::new(Sgd::new(0.9)),
+        }
+    }
+
+    /// Sets every parameter's rate, decay, and whether it is frozen when that share of the run is done.
+    pub fn group(&self, parameters: &mut Parameters, progress: f64) {
+        let epoch = (progress * 20.0) as usize;
+        for parameter in parameters.iter_mut() {
+            let name = parameter.name();
+            let backbone = name.starts_with("backbone.");
+            let convolution = !name.contains(".bn.");
+            let weights = name.ends_with(".weight") && !name.starts_with("mi.");
+            let thaws = |layer: &str| match layer {
+                "conv5" => 5,
+                "conv4" => 10,
+                "conv3" => 15,
+                _ => usize::MAX,
+            };
+            let layer = name.split('.').nth(1).unwrap_or_default();
+            let frozen = self.freeze && backbone && convolution && epoch < thaws(layer);
+            let decays = self.optimiser == OptimiserKind::Sgd || weights;
+            parameter.rate = if backbone { self.backbone_rate } else { 1.0 };
+            parameter.decay = if decays { self.decay } else { 0.0 };
+            parameter.frozen = frozen;
+        }
+    }
+}
+
+/// DR-MIM pruned by one ratio, with the standard encoder.
+pub fn standard(ratio: f64) -> Architecture {
+    let widths = Widths::pruned(ratio);
+    Architecture::new(widths, Some(Encoder::standard(widths.backbone[4])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::Network;
+
+    #[test]
+    fn rates_of_the_spec() {
+        let paper = FitOptions::paper();
+        // Steps 6250, 12500, 62500 + 12500 .. of 250000 (spec section 3.5).
+        for (step, rate) in [(6250, 0.0400005), (12_500, 0.08), (62_500, 0.0715657), (131_250, 0.0400005)] {
+            let found = f64::from(paper.rate(f64::from(step) / 250_000.0));
+            assert!((found / rate - 1.0).abs() < 1e-4, "step {step}: {found}, expected {rate}");
+        }
+        let cpu = FitOptions::cpu();
+        assert!((cpu.rate(0.03) - 6e-4).abs() < 1e-8 && (cpu.rate(1.0) - 3e-6).abs() < 1e-9);
+        assert!((cpu.rate(0.015) - 3e-4).abs() < 3e-6);
+    }
+
+    #[test]
+    fn search_crops_grow() {
+        let cpu = FitOptions::cpu();
+        assert_eq!([0.0, 0.49, 0.5, 1.0].map(|p| cpu.search_size(p)), [239, 239, 303, 303]);
+        assert_eq!(FitOptions::paper().search_size(0.0), 303);
+    }
+
+    #[test]
+    fn groups() {
+        let names = |options: &FitOptions, progress: f64, select: &dyn Fn(&autodiff::Parameter) -> bool| {
+            let mut parameters = Parameters::new();
+            Network::new(&mut parameters, options.architecture, options.statistics_nets).unwrap();
+            options.group(&mut parameters, progress);
+            let chosen = parameters.iter().filter(|p| !p.is_statistic() && select(p));
+            chosen.map(|p| p.name().to_owned()).collect::<Vec<_>>()
+        };
+        let (cpu, paper) = (FitOptions::cpu(), FitOptions::paper());
+        let decayed = names(&cpu, 0.0, &|p| p.decay > 0.0);
+        assert!(
+            decayed.contains(&"backbone.conv1.weight".into()) && decayed.contains(&"dr.e1.0.weight".into())
+        );
+        assert!(decayed.iter().all(|n| n.ends_with(".weight") && !n.starts_with("mi.") && !n.contains("bn")));
+        assert!(names(&cpu, 0.0, &|p| p.frozen || p.rate != 1.0).is_empty());
+        assert!(names(&paper, 0.0, &|p| p.decay == 0.0).is_empty());
+        for (epoch, frozen) in [(0.0, 10), (4.9, 10), (5.0, 8), (10.0, 6), (15.0, 4), (20.0, 4)] {
+            assert_eq!(names(&paper, epoch / 20.0, &|p| p.frozen).len(), frozen, "epoch {epoch}");
+        }
+        let slow = names(&paper, 0.0, &|p| p.rate != 1.0);
+        assert!(slow.len() == 20 && slow.iter().all(|n| n.starts_with("backbone.")), "{slow:?}");
+    }
+
+    #[test]
+    fn refuses_what_cannot_run() {
+        FitOptions::cpu().check().unwrap();
+        FitOptions::paper().check().unwrap();
+        let with = |change: &dyn Fn(&mut FitOptions)| {
+            let mut options = FitOptions::cpu();
+            change(&mut options);
+            options.check().unwrap_err().to_string()
+        };
+        assert!(with(&|o| o.batch = 1).contains("--batch"));
+        assert!(with(&|o| o.peak_rate = f64::NAN).contains("--rate"));
+        assert!(with(&|o| o.early_size = 100).contains("search_size"));
+        assert!(with(&|o| o.budget = Budget::Steps(0)).contains("--steps"));
+    }
+}

@@ -1,0 +1,223 @@
+//! All losses of a batch (spec sections 3.4 and 3.7).
+
+use super::{Network, Prediction, StatisticsNets, Template};
+use crate::targets::{Cells, Targets};
+use autodiff::{BoxDecoder, Focal, Tape, Tensor, Var};
+use serde::{Deserialize, Serialize};
+
+/// Weights and limits of the losses.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LossOptions {
+    /// Weight of the ones in the focal loss.
+    pub focal_alpha: f32,
+    /// Weight of the centerness loss.
+    pub centerness: f32,
+    /// Weight of the IoU loss.
+    pub iou: f32,
+    /// Weight of the global mutual information, 0 to leave it out.
+    pub global: f32,
+    /// Weight of the local mutual information, 0 to leave it out.
+    pub local: f32,
+    /// Weight of the identity loss, 0 to leave it out.
+    pub identity: f32,
+    /// Smallest IoU told from 0.
+    pub min_iou: f32,
+    /// Largest exponent of the distances.
+    pub max_exponent: f32,
+}
+
+impl Default for LossOptions {
+    /// The spec's weights, with an IoU of at least 1e-6 and distances of at most 8 exp(6) pixels.
+    fn default() -> LossOptions {
+        LossOptions {
+            focal_alpha: 0.25,
+            centerness: 1.0,
+            iou: 3.0,
+            global: 0.05,
+            local: 0.05,
+            identity: 0.05,
+            min_iou: 1e-6,
+            max_exponent: 6.0,
+        }
+    }
+}
+
+/// What a step sees: normalised crops (`[batch, side, side, 3]`) and what is true of them.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// Template crops.
+    pub template: Tensor,
+    /// Search crops.
+    pub search: Tensor,
+    /// Template crops from the search pictures.
+    pub again: Tensor,
+    /// Whether template and search crop show one target.
+    pub positive: Vec<bool>,
+    /// What the head should say.
+    pub targets: Targets,
+    /// The score map's cells.
+    pub cells: Cells,
+}
+
+/// The losses of a batch, weighted as they are summed.
+#[derive(Clone, Copy, Debug)]
+pub struct Losses {
+    cls: Var,
+    centerness: Var,
+    iou: Var,
+    global: Option<Var>,
+    local: Option<Var>,
+    identity: Option<Var>,
+    /// Their sum.
+    pub total: Var,
+}
+
+/// The losses' values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LossValues {
+    /// Sum of all.
+    pub total: f64,
+    /// Classification.
+    pub cls: f64,
+    /// Centerness.
+    pub centerness: f64,
+    /// IoU.
+    pub iou: f64,
+    /// Global mutual information.
+    pub global: f64,
+    /// Local mutual information.
+    pub local: f64,
+    /// Identity.
+    pub identity: f64,
+}
+
+impl LossValues {
+    /// Names and values.
+    pub fn named(&self) -> [(&'static str, f64); 7] {
+        let LossValues { total, cls, centerness, iou, global, local, identity } = *self;
+        [
+            ("total", total),
+            ("cls", cls),
+            ("centerness", centerness),
+            ("iou", iou),
+            ("global", global),
+            ("local", local),
+            ("identity", identity),
+        ]
+    }
+
+    /// `share` of `newer` and the rest of these.
+    pub fn mixed(&self, newer: &LossValues, share: f64) -> LossValues {
+        let mix = |old: f64, new: f64| old + (new - old) * share;
+        LossValues {
+            total: mix(self.total, newer.total),
+            cls: mix(self.cls, newer.cls),
+            centerness: mix(self.centerness, newer.centerness),
+            iou: mix(self.iou, newer.iou),
+            global: mix(self.global, newer.global),
+            local: mix(self.local, newer.local),
+            identity: mix(self.identity, newer.identity),
+        }
+    }
+}
+
+impl Losses {
+    /// What they came to.
+    pub fn values(&self, tape: &Tape) -> LossValues {
+        let value = |var: Var| f64::from(tape.value(var).item());
+        let maybe = |var: Option<Var>| var.map_or(0.0, value);
+        LossValues {
+            total: value(self.total),
+            cls: value(self.cls),
+            centerness: value(self.centerness),
+            iou: value(self.iou),
+            global: maybe(self.global),
+            local: maybe(self.local),
+            identity: maybe(self.identity),
+        }
+    }
+}
+
+impl Network {
+    /// Runs a batch through the network and its losses. The backbone runs on template, search crop and second template in this
+    /// order, each with batch statistics of its own.
+    pub fn losses(&self, tape: &mut Tape, batch: Batch, options: &LossOptions) -> (Prediction, Losses) {
+        let crops = tape.constant(batch.template);
+        let template = self.template(tape, crops);
+        let crops = tape.constant(batch.search);
+        let prediction = self.search(tape, crops, &template);
+        let identity = (options.identity != 0.0 && self.architecture.encoder.is_some()).then(|| {
+            let crops = tape.constant(batch.again);
+            let again = self.template_features(tape, crops);
+            let loss = tape.mean_square(template.related, again, &batch.positive);
+            tape.scale(loss, options.identity)
+        });
+        let [global, local] = self.information(tape, &template, options);
+
+        let Targets { labels, quality, boxes } = &batch.targets;
+        let focal = Focal { alpha: options.focal_alpha, gamma: 2.0 };
+        let cls = tape.focal_loss(prediction.score, labels, focal);
+        let centerness = tape.quality_loss(prediction.centerness, quality);
+        let centerness = tape.scale(centerness, options.centerness);
+        let decoder = BoxDecoder {
+            max_exponent: options.max_exponent,
+            min_iou: options.min_iou,
+            ..BoxDecoder::new(batch.cells.first as f32)
+        };
+        let [si, bi] = self.scalars.map(|id| tape.parameter(id));
+        let iou = tape.iou_loss(prediction.offsets, si, bi, labels, boxes, decoder);
+        let iou = tape.scale(iou, options.iou);
+        let more = [Some(centerness), Some(iou), global, local, identity];
+        let total = more.into_iter().flatten().fold(cls, |sum, loss| tape.add(sum, loss));
+        (prediction, Losses { cls, centerness, iou, global, local, identity, total })
+    }
+
+    /// What E2 makes of template crops.
+    fn template_features(&self, tape: &mut Tape, crops: Var) -> Var {
+        use weights_format::EncoderPosition::{AfterNeck, BeforeNeck};
+        let features = self.backbone(tape, crops);
+        let encoded = self.encode(tape, "template", BeforeNeck, features);
+        match self.architecture.encoder {
+            Some(encoder) if encoder.position == AfterNeck => {
+                let neck = self.run(tape, "neck.template_cls", encoded);
+                self.encode(tape, "template", AfterNeck, neck)
+            }
+            _ => encoded,
+        }
+    }
+
+    /// Minus the estimates of the mutual information between the template's features and their encodings, global and local,
+    /// weighted.
+    fn information(&self, tape: &mut Tape, template: &Template, options: &LossOptions) -> [Option<Var>; 2] {
+        let Some([global, local]) = self.statistics else { return [None, None] };
+        let f = template.features;
+        let unrelated = self.unrelated.iter().fold(f, |x, block| block.forward(tape, x));
+        let code = tape.concat(&[template.related, unrelated]);
+        let rolled = tape.roll(f, 1);
+        let average = tape.global_average(code);
+        let weighted = |tape: &mut Tape, scores: [Var; 2], weight: f32| {
+            let estimate = tape.information(scores[0], scores[1]);
+            tape.scale(estimate, -weight)
+        };
+        let full = self.statistics_nets == StatisticsNets::Full;
+        let global = (options.global != 0.0).then(|| {
+            let code = if full { tape.flatten(code) } else { average };
+            let scores = [f, rolled].map(|f| {
+                let f = if full { tape.flatten(f) } else { tape.global_average(f) };
+                let input = tape.concat(&[f, code]);
+                global.forward(tape, input)
+            });
+            weighted(tape, scores, options.global)
+        });
+        let local = (options.local != 0.0).then(|| {
+            let [_, h, w, _] = tape.shape(f)[..] else { unreachable!("features are maps") };
+            let tiled = tape.tile(average, kernels::Size { h, w });
+            let scores = [f, rolled].map(|f| {
+                let input = tape.concat(&[f, tiled]);
+                local.forward(tape, input)
+            });
+            weighted(tape, scores, options.local)
+        });
+        [global, local]
+    }
+}

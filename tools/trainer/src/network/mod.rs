@@ -1,0 +1,200 @@
+//! The DR-MIM network for training: any widths, any encoder of the weights format, with batch normalisation, the
+//! identity-unrelated encoder E1 and the statistics networks beside what is deployed.
+//!
+//! Parameters bear the names of the weights format (`<layer>.weight`, `<layer>.bias`) and `<layer>.bn.scale`, `.bn.shift`,
+//! `.bn.mean`, `.bn.variance`; beside them `head.si`, `head.bi`, `dr.e1.*`, `mi.global.*` and `mi.local.*`.
+
+mod block;
+mod export;
+mod init;
+mod losses;
+
+pub use export::INPUT;
+pub use init::Init;
+pub use losses::{Batch, LossOptions, LossValues, Losses};
+
+use crate::error::Error;
+use autodiff::{ParameterId, Parameters, Tape, Tensor, Var};
+use block::{Block, Statistics};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use weights_format::{Architecture, EncoderPosition, Layer, LayerKind};
+
+/// What trains beside the deployed network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StatisticsNets {
+    /// Nothing: no mutual-information loss.
+    None,
+    /// The global network sees the features' averages; 256 hidden units.
+    #[default]
+    Light,
+    /// The global network sees the whole maps; 512 hidden units (spec section 3.7).
+    Full,
+}
+
+impl StatisticsNets {
+    fn hidden(self) -> usize {
+        if self == StatisticsNets::Full { 512 } else { 256 }
+    }
+}
+
+/// The network: which parameters make what of which.
+#[derive(Debug)]
+pub struct Network {
+    architecture: Architecture,
+    statistics_nets: StatisticsNets,
+    blocks: BTreeMap<String, Block>,
+    scalars: [ParameterId; 2],           // si, bi
+    unrelated: Vec<Block>,               // E1
+    statistics: Option<[Statistics; 2]>, // global, local
+}
+
+/// The head's outputs before sigmoid and exp.
+#[derive(Clone, Copy, Debug)]
+pub struct Prediction {
+    /// Classification logits, `[batch, side, side, 1]`.
+    pub score: Var,
+    /// Centerness logits, `[batch, side, side, 1]`.
+    pub centerness: Var,
+    /// Offsets, `[batch, side, side, 4]`: the distances are `exp(si o + bi) * 8`.
+    pub offsets: Var,
+}
+
+/// What the template's features became.
+#[derive(Clone, Copy, Debug)]
+struct Template {
+    features: Var, // what the encoders see
+    related: Var,  // what E2 made of them
+    cls: Var,      // kernels of the correlations
+    reg: Var,
+}
+
+impl Network {
+    /// Adds the network's parameters, uninitialised.
+    ///
+    /// # Errors
+    /// If the architecture is out of bounds, or asks for a mutual-information loss without an encoder.
+    pub fn new(
+        parameters: &mut Parameters,
+        architecture: Architecture,
+        statistics_nets: StatisticsNets,
+    ) -> Result<Network, Error> {
+        architecture.check()?;
+        let layers = architecture.layers();
+        let mut blocks = BTreeMap::new();
+        for layer in layers.iter().filter(|layer| layer.kind == LayerKind::Conv) {
+            blocks.insert(layer.name.clone(), Block::new(parameters, layer));
+        }
+        let scalars = [("head.si", 1.0), ("head.bi", 0.0)]
+            .map(|(name, value)| parameters.add(name, Tensor::scalar(value)));
+        let (mut unrelated, mut statistics) = (Vec::new(), None);
+        if statistics_nets != StatisticsNets::None {
+            let encoders: Vec<_> = encoder_layers(&layers).collect();
+            let (Some(first), Some(last)) = (encoders.first(), encoders.last()) else {
+                return Err(Error::option("--no-mi", "set, for a network without an encoder", "not set"));
+            };
+            for (i, layer) in encoders.iter().enumerate() {
+                let twin = Layer { name: format!("dr.e1.{i}"), ..Layer::clone(layer) };
+                unrelated.push(Block::new(parameters, &twin));
+            }
+            let (features, encoded) = (first.in_channels, 2 * last.out_channels);
+            let positions = first.out_template * first.out_template;
+            let global =
+                (features + encoded) * if statistics_nets == StatisticsNets::Full { positions } else { 1 };
+            let hidden = statistics_nets.hidden();
+            statistics = Some([
+                Statistics::new(parameters, "mi.global", global, hidden),
+                Statistics::new(parameters, "mi.local", features + encoded, hidden),
+            ]);
+        }
+        Ok(Network { architecture, statistics_nets, blocks, scalars, unrelated, statistics })
+    }
+
+    /// Widths, encoder and crop sizes.
+    pub fn architecture(&self) -> &Architecture {
+        &self.architecture
+    }
+
+    /// What trains beside the deployed network.
+    pub fn statistics_nets(&self) -> StatisticsNets {
+        self.statistics_nets
+    }
+
+    fn run(&self, tape: &mut Tape, name: &str, x: Var) -> Var {
+        self.blocks[name].forward(tape, x)
+    }
+
+    /// Backbone features of normalised crops `[batch, side, side, 3]`.
+    fn backbone(&self, tape: &mut Tape, crops: Var) -> Var {
+        let mut x = crops;
+        for i in 1..=5 {
+            x = self.run(tape, &format!("backbone.conv{i}"), x);
+            if i <= 2 {
+                x = tape.max_pool(x);
+            }
+        }
+        x
+    }
+
+    /// The identity-related encoder E2 of one branch, if the network has it at `position`.
+    fn encode(&self, tape: &mut Tape, branch: &str, position: EncoderPosition, mut x: Var) -> Var {
+        if let Some(encoder) = self.architecture.encoder.filter(|e| e.position == position) {
+            for i in 0..encoder.layers {
+                let name = if encoder.shared { format!("dr.e2.{i}") } else { format!("dr.e2_{branch}.{i}") };
+                x = self.run(tape, &name, x);
+            }
+        }
+        x
+    }
+
+    fn template(&self, tape: &mut Tape, crops: Var) -> Template {
+        let features = self.backbone(tape, crops);
+        let encoded = self.encode(tape, "template", EncoderPosition::BeforeNeck, features);
+        let [cls, reg] = ["neck.template_cls", "neck.template_reg"].map(|name| self.run(tape, name, encoded));
+        let after = self.architecture.encoder.is_some_and(|e| e.position == EncoderPosition::AfterNeck);
+        let (features, [cls, reg]) = match after {
+            false => (features, [cls, reg]),
+            true => {
+                let encode = |x| self.encode(tape, "template", EncoderPosition::AfterNeck, x);
+                (cls, [cls, reg].map(encode))
+            }
+        };
+        Template { features, related: if after { cls } else { encoded }, cls, reg }
+    }
+
+    fn search(&self, tape: &mut Tape, crops: Var, template: &Template) -> Prediction {
+        let features = self.backbone(tape, crops);
+        let encoded = self.encode(tape, "search", EncoderPosition::BeforeNeck, features);
+        let [mut cls, mut reg] =
+            [("neck.search_cls", template.cls), ("neck.search_reg", template.reg)].map(|(name, kernel)| {
+                let x = self.run(tape, name, encoded);
+                let x = self.encode(tape, "search", EncoderPosition::AfterNeck, x);
+                tape.xcorr(x, kernel)
+            });
+        for i in 1..=3 {
+            cls = self.run(tape, &format!("head.cls{i}"), cls);
+            reg = self.run(tape, &format!("head.reg{i}"), reg);
+        }
+        Prediction {
+            score: self.run(tape, "head.score", cls),
+            centerness: self.run(tape, "head.centerness", cls),
+            offsets: self.run(tape, "head.offsets", reg),
+        }
+    }
+
+    /// Template and search crops to predictions, as the losses see them; for their side effect on batch statistics.
+    pub fn predict(&self, tape: &mut Tape, template: Tensor, search: Tensor) -> Prediction {
+        let crops = tape.constant(template);
+        let template = self.template(tape, crops);
+        let crops = tape.constant(search);
+        self.search(tape, crops, &template)
+    }
+}
+
+/// The template branch's encoder layers.
+fn encoder_layers(layers: &[Layer]) -> impl Iterator<Item = &Layer> {
+    layers
+        .iter()
+        .filter(|layer| layer.name.starts_with("dr.e2.") || layer.name.starts_with("dr.e2_template."))
+}
