@@ -50,7 +50,12 @@ static BUILTIN: &[u8] = include_bytes!("builtin/drmim-p50.safetensors");
 impl Model {
     /// The model that travels in the program.
     pub fn builtin(isa: Isa) -> Model {
-        Model::from_bytes(BUILTIN, isa).expect("the built-in model is a valid weights file")
+        Model::from_weights(&Model::builtin_weights(), isa).expect("the built-in weights fit their architecture")
+    }
+
+    /// The weights of the model that travels in the program.
+    pub fn builtin_weights() -> Weights {
+        Weights::from_bytes(BUILTIN).expect("the built-in model is a valid weights file")
     }
 
     /// Reads a weights file.

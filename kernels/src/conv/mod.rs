@@ -116,6 +116,11 @@ impl Algorithm {
         fitting.min_by_key(|a| cost(*a)).expect("direct always fits")
     }
 
+    /// The algorithm called `name`, as [`name`](Self::name) gives it.
+    pub fn from_name(name: &str) -> Option<Algorithm> {
+        Algorithm::ALL.into_iter().find(|algorithm| algorithm.name() == name)
+    }
+
     /// Its name in reports and options.
     pub fn name(self) -> &'static str {
         match self {

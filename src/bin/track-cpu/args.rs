@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use kernels::conv::Algorithm;
 use scenes::Difficulty;
 use track_cpu::source::{PixelFormat, RawFormat};
-use track_cpu::{BBox, Isa, Model, ModelError};
+use track_cpu::{BBox, Isa, ModelError};
 use weights_format::{Architecture, Encoder, Weights, Widths};
 
 /// Follows one object through video on a CPU.
@@ -219,10 +220,9 @@ impl RandomArgs {
         Ok(Some(architecture))
     }
 
-    /// A model with random weights, if one was asked for.
-    pub fn model(&self, isa: Isa) -> Result<Option<Model>, ModelError> {
-        let architecture = self.architecture()?;
-        architecture.map(|a| Model::from_weights(&Weights::random(a, 1), isa)).transpose()
+    /// Random weights, if they were asked for.
+    pub fn weights(&self) -> Result<Option<Weights>, ModelError> {
+        Ok(self.architecture()?.map(|architecture| Weights::random(architecture, 1)))
     }
 }
 
@@ -275,6 +275,10 @@ pub struct BenchArgs {
     /// Arithmetic of the network.
     #[arg(long, value_enum, default_value_t = Precision::F32)]
     pub precision: Precision,
+    /// Algorithm of every convolution that it can compute: direct, im2col, winograd6 or winograd8 [default: the best
+    /// for each].
+    #[arg(long, value_name = "NAME", value_parser = algorithm)]
+    pub algorithm: Option<Algorithm>,
     /// Time the network alone: for each line N on standard input run N passes, print N times in ms.
     #[arg(long, conflicts_with = "json")]
     pub worker: bool,
@@ -314,6 +318,11 @@ fn number_in(text: &str, least: usize, most: usize) -> Result<usize, String> {
         Ok(number) if (least..=most).contains(&number) => Ok(number),
         _ => Err(format!("expected a whole number from {least} to {most}")),
     }
+}
+
+fn algorithm(text: &str) -> Result<Algorithm, String> {
+    let names = Algorithm::ALL.map(Algorithm::name).join(", ");
+    Algorithm::from_name(text).ok_or_else(|| format!("expected one of: {names}"))
 }
 
 fn isa(text: &str) -> Result<Isa, String> {

@@ -5,14 +5,14 @@ use std::time::Instant;
 use scenes::{Flight, FlightConfig, FrameBuffer};
 use serde_json::{Map, Value, json};
 use track_cpu::model::LayerPlan;
-use track_cpu::{BBox, ChannelOrder, Frame, Model, Tracker, TrackerOptions};
+use track_cpu::{BBox, ChannelOrder, Frame, Model, ModelError, Tracker, TrackerOptions};
+use weights_format::Weights;
 
 use crate::args::{BenchArgs, Precision};
 use crate::exit::Failure;
 use crate::machine::{Machine, peak_memory};
 use crate::report::{print, progress, rounded, table};
 use crate::statistics::Times;
-use crate::track;
 
 /// Distinct frames; they are played back and forth, so that the object never jumps.
 const PREPARED: usize = 32;
@@ -38,10 +38,15 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
 
 /// The model that the arguments ask for.
 pub fn model(args: &BenchArgs) -> Result<Model, Failure> {
-    match args.random.model(args.engine.isa())? {
-        Some(model) => Ok(model),
-        None => track::load(args.model.as_deref(), args.engine.isa()),
-    }
+    let weights = match (args.random.weights()?, &args.model) {
+        (Some(weights), _) => weights,
+        (None, Some(path)) => Weights::read(path).map_err(ModelError::from)?,
+        (None, None) => Model::builtin_weights(),
+    };
+    Ok(match args.algorithm {
+        Some(algorithm) => Model::with_algorithm(&weights, args.engine.isa(), algorithm)?,
+        None => Model::from_weights(&weights, args.engine.isa())?,
+    })
 }
 
 /// Renders the frames, and says where the object is in the first.
