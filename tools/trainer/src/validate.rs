@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn the_built_in_model_follows_easy_flights() {
+    fn flights_are_tracked_and_scored() {
         let validation = Validation::open(&[], 2, 24).unwrap();
         let random = Weights::random(crate::fit::standard(0.9), 1);
         let report = validation.run(&random, 2).unwrap();

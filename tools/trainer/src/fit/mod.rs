@@ -6,6 +6,8 @@ mod curves;
 mod options;
 mod report;
 mod statistics;
+#[cfg(test)]
+mod tests;
 
 pub use checkpoint::{Position, State};
 pub use options::{Budget, FitOptions, OptimiserKind, standard};

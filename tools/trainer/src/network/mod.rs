@@ -8,6 +8,8 @@ mod block;
 mod export;
 mod init;
 mod losses;
+#[cfg(test)]
+mod tests;
 
 pub use export::INPUT;
 pub use init::Init;
