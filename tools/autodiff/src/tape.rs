@@ -6,7 +6,7 @@
 //! no longer needed by anyone.
 
 use crate::{Compute, ParameterId, Parameters, Tensor};
-use kernels::conv::Conv;
+use kernels::conv::{Algorithm, Conv};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub struct Tape<'a> {
     leaves: HashMap<ParameterId, Var>,
     gradients: Vec<Option<Tensor>>, // of the nodes, while going backwards
     /// Convolutions whose weights are laid out already, by weight and direction.
-    pub(crate) packed: HashMap<(Var, Direction), Arc<Conv>>,
+    pub(crate) packed: HashMap<(Var, Direction, Algorithm), Arc<Conv>>,
 }
 
 /// Which way a convolution's weights are laid out for.

@@ -6,7 +6,8 @@
 //! - bias: the sum of `g` over batch and positions;
 //! - weights: `dw[o, ky, kx, i] = sum of g[y, x, o] * x[sy + ky - pad, sx + kx - pad, i]`, see [`weight_gradient`];
 //! - input: the convolution of `g`, zeros between its pixels if the stride is more than 1 and `k - 1 - pad` of them around
-//!   it, with the weights turned by half a turn and their channel axes exchanged. So it runs on the forward's kernel.
+//!   it, with the weights turned by half a turn and their channel axes exchanged. So it runs on the forward's kernels,
+//!   Winograd's among them.
 //!
 //! All three cost the forward's multiply-accumulates (spec section 3.9), and images of a batch run in parallel.
 
@@ -61,28 +62,30 @@ impl Tape<'_> {
         }
         let Conv2d { stride, pad, relu } = options;
         let shape = ConvShape { in_channels, out_channels, kernel, stride, pad, relu };
-        let conv = self.packed_once(weights, Direction::Forward, |tape| {
+        let algorithm = Algorithm::plan(&shape, maps.size);
+        let conv = self.packed_once(weights, Direction::Forward, algorithm, |tape| {
             let zeros = vec![0.0; out_channels];
             let bias = bias.map_or(&zeros[..], |bias| tape.value(bias).data());
-            Conv::new(tape.compute.isa(), Algorithm::Direct, shape, tape.value(weights).data(), bias)
+            Conv::new(tape.compute.isa(), algorithm, shape, tape.value(weights).data(), bias)
         });
         let out = convolve(self.compute, &conv, self.value(x));
         let inputs = [x, weights, bias.unwrap_or(x)];
         self.record(out, &inputs, Convolution { x, weights, bias, shape })
     }
 
-    /// The convolution with `weights` laid out for a direction, made the first time.
+    /// The convolution with `weights` laid out for a direction and an algorithm, made the first time.
     fn packed_once(
         &mut self,
         weights: Var,
         direction: Direction,
+        algorithm: Algorithm,
         make: impl FnOnce(&Self) -> Conv,
     ) -> Arc<Conv> {
-        if let Some(conv) = self.packed.get(&(weights, direction)) {
+        if let Some(conv) = self.packed.get(&(weights, direction, algorithm)) {
             return conv.clone();
         }
         let conv = Arc::new(make(self));
-        self.packed.insert((weights, direction), conv.clone());
+        self.packed.insert((weights, direction, algorithm), conv.clone());
         conv
     }
 }
@@ -139,16 +142,18 @@ impl Convolution {
             pad: kernel - 1 - pad,
             relu: false,
         };
-        let conv = tape.packed_once(self.weights, Direction::Backward, |tape| {
+        let input = tape.value(self.x).maps("conv2d").size;
+        let side = |n: usize| n + 2 * pad + 1 - kernel;
+        let size = Size { h: side(input.h), w: side(input.w) }; // of the gradient with zeros between its pixels
+        let algorithm = Algorithm::plan(&back, size);
+        let conv = tape.packed_once(self.weights, Direction::Backward, algorithm, |tape| {
             let turned = turn(&self.shape, tape.value(self.weights).data());
-            Conv::new(tape.compute.isa(), Algorithm::Direct, back, &turned, &vec![0.0; in_channels])
+            Conv::new(tape.compute.isa(), algorithm, back, &turned, &vec![0.0; in_channels])
         });
         if stride == 1 {
             return convolve(tape.compute, &conv, gradient);
         }
-        let input = tape.value(self.x).maps("conv2d").size;
-        let side = |n: usize| n + 2 * pad + 1 - kernel;
-        let spread = Placement { size: Size { h: side(input.h), w: side(input.w) }, first: 0, step: stride };
+        let spread = Placement { size, first: 0, step: stride };
         let gradient = spread.place(tape.compute, gradient);
         let out = convolve(tape.compute, &conv, &gradient);
         tape.compute.recycle(gradient);
