@@ -1,0 +1,25 @@
+//! One file per sub-command, and how the program ends.
+
+pub mod score;
+
+use ope::Error;
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Says on standard error what happened and picks the exit code.
+pub fn exit(error: &Error) -> ExitCode {
+    match error {
+        Error::Unwritable { error, .. } if error.kind() == ErrorKind::BrokenPipe => return ExitCode::SUCCESS,
+        _ => eprintln!("error: {error}"),
+    }
+    match error {
+        Error::Unwritable { .. } => ExitCode::from(5),
+        _ => ExitCode::from(3),
+    }
+}
+
+/// Writes to standard output.
+fn print(text: &str) -> Result<(), Error> {
+    std::io::stdout().write_all(text.as_bytes()).map_err(Error::unwritable(Path::new("standard output")))
+}

@@ -1,0 +1,127 @@
+//! The curves of one sequence, and their means over sequences.
+
+use crate::convention::{Convention, Judgement};
+
+/// Thresholds of the precision curve: 0, 1, ... 50 pixels of centre error.
+pub const PRECISION_BINS: usize = 51;
+/// Thresholds of the success curve: 0, 0.05, ... 1 of overlap.
+pub const SUCCESS_BINS: usize = 21;
+/// Index of the precision that is quoted: 20 pixels, or 0.20 of the target's size.
+pub const QUOTED_PRECISION: usize = 20;
+/// Index of the success rate that is quoted: overlap above one half.
+pub const QUOTED_SUCCESS: usize = 10;
+
+/// Rates of hits over thresholds, in `[0, 1]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curves {
+    /// Rate of frames with a centre error of at most 0, 1, ... 50 pixels.
+    pub precision: [f64; PRECISION_BINS],
+    /// Rate of frames with a normalised centre error of at most 0, 0.01, ... 0.5.
+    pub norm_precision: [f64; PRECISION_BINS],
+    /// Rate of frames with an overlap above 0, 0.05, ... 1.
+    pub success: [f64; SUCCESS_BINS],
+}
+
+impl Curves {
+    const ZERO: Curves = Curves {
+        precision: [0.0; PRECISION_BINS],
+        norm_precision: [0.0; PRECISION_BINS],
+        success: [0.0; SUCCESS_BINS],
+    };
+
+    /// Threshold `i` of the success curve.
+    pub fn overlap_threshold(i: usize) -> f64 {
+        i as f64 * 0.05
+    }
+
+    /// The rates among `frames` frames, of which those in `judgements` may be hits; `None` of no frame.
+    pub fn of(judgements: impl IntoIterator<Item = Judgement>, frames: usize) -> Option<Curves> {
+        if frames == 0 {
+            return None;
+        }
+        let mut curves = Curves::ZERO;
+        for judgement in judgements {
+            for i in 0..PRECISION_BINS {
+                curves.precision[i] += f64::from(judgement.error <= i as f64);
+                curves.norm_precision[i] += f64::from(judgement.norm_error <= i as f64 / 100.0);
+            }
+            for i in 0..SUCCESS_BINS {
+                curves.success[i] += f64::from(judgement.overlap > Curves::overlap_threshold(i));
+            }
+        }
+        curves.scale(1.0 / frames as f64);
+        Some(curves)
+    }
+
+    /// The unweighted mean over sequences; `None` of none.
+    pub fn mean<'a>(sequences: impl IntoIterator<Item = &'a Curves>) -> Option<Curves> {
+        let mut sum = Curves::ZERO;
+        let mut count = 0;
+        for curves in sequences {
+            sum.precision.iter_mut().zip(curves.precision).for_each(|(s, v)| *s += v);
+            sum.norm_precision.iter_mut().zip(curves.norm_precision).for_each(|(s, v)| *s += v);
+            sum.success.iter_mut().zip(curves.success).for_each(|(s, v)| *s += v);
+            count += 1;
+        }
+        sum.scale(1.0 / f64::from(count.max(1)));
+        (count > 0).then_some(sum)
+    }
+
+    fn scale(&mut self, factor: f64) {
+        let all = self.precision.iter_mut().chain(&mut self.norm_precision).chain(&mut self.success);
+        all.for_each(|v| *v *= factor);
+    }
+
+    /// Precision at 20 pixels.
+    pub fn precision(&self) -> f64 {
+        self.precision[QUOTED_PRECISION]
+    }
+
+    /// Area under the success curve: the mean of its 21 values. A perfect tracker has 20/21, 1 being never exceeded.
+    pub fn auc(&self) -> f64 {
+        self.success.iter().sum::<f64>() / SUCCESS_BINS as f64
+    }
+
+    /// Rate of frames with an overlap above one half.
+    pub fn success_rate(&self) -> f64 {
+        self.success[QUOTED_SUCCESS]
+    }
+
+    /// Normalised precision: the curve's mean where the toolkit follows LaSOT, otherwise its value at 0.20.
+    pub fn norm_precision(&self, convention: Convention) -> f64 {
+        match convention {
+            Convention::Got10k | Convention::Drop => {
+                self.norm_precision.iter().sum::<f64>() / PRECISION_BINS as f64
+            }
+            Convention::Pysot | Convention::Otb => self.norm_precision[QUOTED_PRECISION],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thresholds() {
+        let at = |error: f64, overlap: f64| Judgement { overlap, error, norm_error: error / 100.0 };
+        let curves = Curves::of([at(20.0, 0.5), at(20.001, 0.501)], 2).unwrap();
+        assert_eq!((curves.precision(), curves.precision[21]), (0.5, 1.0)); // at most
+        assert_eq!((curves.success_rate(), curves.success[9]), (0.5, 1.0)); // above
+        assert_eq!(curves.norm_precision(Convention::Pysot), 0.5);
+        assert_eq!(curves.norm_precision(Convention::Got10k), (30.0 + 0.5) / 51.0);
+        let perfect = Curves::of([at(0.0, 1.0)], 1).unwrap();
+        assert!((perfect.auc() - 20.0 / 21.0).abs() < 1e-15);
+        assert_eq!(Curves::of([], 0), None);
+        assert_eq!(Curves::mean([]), None);
+        let mean = Curves::mean([&curves, &perfect]).unwrap();
+        assert_eq!(mean.precision(), 0.75);
+    }
+
+    #[test]
+    fn not_a_number_is_no_hit() {
+        let nan = Judgement { overlap: f64::NAN, error: f64::NAN, norm_error: f64::NAN };
+        let curves = Curves::of([nan], 1).unwrap();
+        assert_eq!((curves.precision[50], curves.success[0], curves.norm_precision[50]), (0.0, 0.0, 0.0));
+    }
+}

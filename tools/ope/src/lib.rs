@@ -1,0 +1,37 @@
+//! One-pass evaluation: how well a tracker follows, in the conventions that papers use.
+//!
+//! A tracker is given the first frame's box and runs once through every sequence; its boxes are then held against the
+//! annotations. Toolkits agree on the curves but not on rows that annotate nothing, and so differ by up to four points on
+//! the same boxes: [`Convention`] has them all, side by side.
+//!
+//! | step | module |
+//! |---|---|
+//! | files of boxes and times, as people write them | [`text`], [`annotations`], [`results`] |
+//! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
+//! | one tracker on one benchmark: means over sequences, speed | [`score`], [`speed`] |
+
+#![forbid(unsafe_code)]
+
+pub mod annotations;
+pub mod bbox;
+pub mod convention;
+pub mod curves;
+pub mod error;
+pub mod notes;
+pub mod results;
+pub mod score;
+pub mod speed;
+pub mod table;
+#[cfg(test)]
+mod testing;
+pub mod text;
+
+pub use annotations::Annotation;
+pub use bbox::BBox;
+pub use convention::Convention;
+pub use curves::Curves;
+pub use error::Error;
+pub use notes::Notes;
+pub use results::Results;
+pub use score::Score;
+pub use speed::Speed;

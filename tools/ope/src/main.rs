@@ -1,0 +1,19 @@
+//! `ope`: one-pass evaluation of trackers. `ope --help` teaches the rest.
+
+#![forbid(unsafe_code)]
+
+mod args;
+mod commands;
+
+use args::{Args, Command};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let done = match Args::read().command {
+        Command::Score(args) => commands::score::run(&args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => commands::exit(&error),
+    }
+}

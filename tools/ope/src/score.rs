@@ -1,0 +1,252 @@
+//! One tracker on one benchmark: scores per sequence and their mean.
+
+use crate::annotations::Annotation;
+use crate::bbox::BBox;
+use crate::convention::Convention;
+use crate::curves::Curves;
+use crate::error::Error;
+use crate::notes::Notes;
+use crate::results::Results;
+use crate::speed::Speed;
+use serde::Serialize;
+
+/// The results of one tracker beside the annotations, sequence by sequence.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// What the tracker is called.
+    pub tracker: String,
+    /// One per annotated sequence that has results.
+    pub sequences: Vec<Evaluated>,
+    /// Speed, where times were written.
+    pub speed: Option<Speed>,
+}
+
+/// One sequence's annotation and what the tracker found.
+#[derive(Clone, Debug)]
+pub struct Evaluated {
+    /// The truth.
+    pub annotation: Annotation,
+    /// The tracker's boxes, one per frame, as in its file.
+    pub boxes: Vec<BBox>,
+}
+
+/// What is to be done about sequences that have no results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Missing {
+    /// Refuse: a mean over fewer sequences is not the benchmark's.
+    Refuse,
+    /// Leave them out and say so.
+    Skip,
+}
+
+/// A tracker's scores under one rule, in percent.
+#[derive(Clone, Debug, Serialize)]
+pub struct Score {
+    /// The rule's name.
+    pub convention: &'static str,
+    /// Precision at 20 pixels.
+    pub precision: f64,
+    /// Area under the success curve.
+    pub auc: f64,
+    /// Normalised precision: the curve's mean under got10k and drop (as LaSOT), its value at 0.20 under pysot and OTB.
+    pub norm_precision: f64,
+    /// Rate of frames with an overlap above one half.
+    pub success_rate: f64,
+    /// Sequences in the mean.
+    pub sequences: usize,
+    /// The mean curves.
+    #[serde(skip)]
+    pub curves: Curves,
+    /// The curves of each sequence in the mean, with its name.
+    #[serde(skip)]
+    pub per_sequence: Vec<(String, Curves)>,
+}
+
+impl Evaluation {
+    /// Reads the results of every annotated sequence.
+    ///
+    /// # Errors
+    /// If a file cannot be used, or sequences have no results and that is to be refused, or none has.
+    pub fn read(
+        annotations: &[Annotation],
+        results: &Results,
+        missing: Missing,
+        notes: &mut Notes,
+    ) -> Result<Evaluation, Error> {
+        let (mut sequences, mut times, mut without) = (Vec::new(), Vec::new(), Vec::new());
+        for annotation in annotations {
+            let name = &annotation.name;
+            let Some(boxes) = results.boxes(name)? else {
+                without.push(name.as_str());
+                continue;
+            };
+            let (annotated, found) = (annotation.boxes.len(), boxes.len());
+            if annotated != found {
+                notes.add(format!(
+                    "{name}: {annotated} annotated frames, {found} results: the shorter counts"
+                ));
+            }
+            times.extend(results.times(name)?);
+            sequences.push(Evaluated { annotation: annotation.clone(), boxes });
+        }
+        let tracker = results.name();
+        if !without.is_empty() && (missing == Missing::Refuse || sequences.is_empty()) {
+            let found = format!("none for {} of them: {}", without.len(), without.join(" "));
+            let expected = format!("results of {} sequences", annotations.len());
+            return Err(Error::content(results.folder(), expected, found));
+        }
+        if !without.is_empty() {
+            notes.add(format!(
+                "{tracker}: {} of {} sequences have no results and are left out: {}",
+                without.len(),
+                annotations.len(),
+                without.join(" ")
+            ));
+        }
+        for name in results.names()? {
+            if annotations.binary_search_by(|a| a.name.cmp(&name)).is_err() {
+                notes.add(format!("{tracker}: results of {name}, which is not annotated, are not used"));
+            }
+        }
+        let timed = times.iter().flatten().filter(|t| !(**t > 0.0 && t.is_finite())).count();
+        if timed > 0 {
+            notes.add(format!("{tracker}: {timed} times are not above 0 and do not count"));
+        }
+        let speed = Speed::of(times.iter().map(Vec::as_slice));
+        Ok(Evaluation { tracker, sequences, speed })
+    }
+
+    /// The scores under a rule.
+    ///
+    /// # Errors
+    /// If no frame counts.
+    pub fn score(&self, convention: Convention, notes: &mut Notes) -> Result<Score, Error> {
+        let mut per_sequence = Vec::new();
+        for Evaluated { annotation, boxes } in &self.sequences {
+            match convention.curves(annotation, boxes) {
+                Some(curves) => per_sequence.push((annotation.name.clone(), curves)),
+                None => notes.add(format!(
+                    "{}: no annotated box counts under {}: left out of the mean",
+                    annotation.name,
+                    convention.name()
+                )),
+            }
+        }
+        let curves = Curves::mean(per_sequence.iter().map(|(_, curves)| curves))
+            .ok_or(Error::NothingToCount { convention: convention.name() })?;
+        Ok(Score {
+            convention: convention.name(),
+            precision: 100.0 * curves.precision(),
+            auc: 100.0 * curves.auc(),
+            norm_precision: 100.0 * curves.norm_precision(convention),
+            success_rate: 100.0 * curves.success_rate(),
+            sequences: per_sequence.len(),
+            curves,
+            per_sequence,
+        })
+    }
+
+    /// The scores under several rules, in their order.
+    ///
+    /// # Errors
+    /// As of [`score`](Self::score).
+    pub fn scores(&self, conventions: &[Convention], notes: &mut Notes) -> Result<Vec<Score>, Error> {
+        conventions.iter().map(|convention| self.score(*convention, notes)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::annotations;
+    use crate::testing::{Folder, shared};
+
+    /// Precision and AUC in percent.
+    fn authors(dataset: &str, convention: Convention) -> Option<(f64, f64)> {
+        let truth = annotations::read_folder(&shared(&format!("data/gt_annotations/{dataset}"))?).unwrap();
+        let results = Results::open(&shared(&format!("data/authors_results/{dataset}"))?).unwrap();
+        let mut notes = Notes::default();
+        let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
+        assert_eq!(notes.count(), 0, "{notes}");
+        let score = evaluation.score(convention, &mut notes).unwrap();
+        Some((score.precision, score.auc))
+    }
+
+    #[test]
+    fn figures_of_the_authors_boxes() {
+        for (dataset, convention, expected) in [
+            ("DTB70", Convention::Otb, "83.50 62.64"),
+            ("DTB70", Convention::Got10k, "83.43 62.64"),
+            ("UAVDT", Convention::Otb, "80.82 56.32"),
+            ("UAVDT", Convention::Got10k, "80.82 56.54"),
+        ] {
+            let Some((precision, auc)) = authors(dataset, convention) else { return };
+            assert_eq!(format!("{precision:.2} {auc:.2}"), expected, "{dataset} {convention:?}");
+        }
+    }
+
+    fn evaluate(folder: &Folder, missing: Missing) -> Result<(Evaluation, Notes), String> {
+        let mut notes = Notes::default();
+        let truth = annotations::read_folder(&folder.path().join("truth")).map_err(|e| e.to_string())?;
+        let results = Results::open(&folder.path().join("found")).map_err(|e| e.to_string())?;
+        let evaluation =
+            Evaluation::read(&truth, &results, missing, &mut notes).map_err(|e| e.to_string())?;
+        Ok((evaluation, notes))
+    }
+
+    #[test]
+    fn means_are_over_sequences_and_lengths_are_said() {
+        let folder = Folder::new("score");
+        folder.write("truth/long.txt", "10,10,20,20\n".repeat(10));
+        folder.write("truth/short.txt", "\u{feff}10 10 20 20\r\n");
+        folder.write("found/long.txt", "900,900,20,20,0.5\n".repeat(12));
+        folder.write("found/short.txt", "10\t10\t20\t20\n");
+        folder.write("found/other.txt", "1,2,3,4\n");
+        folder.write("found/times/long_time.txt", "0.5\n0.25\n0\n");
+        let (evaluation, notes) = evaluate(&folder, Missing::Refuse).unwrap();
+        let text = notes.to_string();
+        assert!(text.contains("long: 10 annotated frames, 12 results: the shorter counts"), "{text}");
+        assert!(text.contains("results of other, which is not annotated"), "{text}");
+        assert!(text.contains("1 times are not above 0"), "{text}");
+        let score = evaluation.score(Convention::Got10k, &mut Notes::default()).unwrap();
+        assert!((score.precision - 55.0).abs() < 1e-9, "{score:?}"); // 1 in 10, and 1 in 1
+        assert_eq!(score.sequences, 2);
+        assert_eq!(evaluation.speed.unwrap().mean_of_rates, 3.0);
+    }
+
+    #[test]
+    fn missing_results_are_refused_or_said() {
+        let folder = Folder::new("score");
+        folder.write("truth/a.txt", "10,10,20,20\n");
+        folder.write("truth/b.txt", "10,10,20,20\n");
+        folder.write("found/b/b_001.txt", "10,10,20,20\n");
+        let error = evaluate(&folder, Missing::Refuse).unwrap_err();
+        assert!(error.ends_with("expected results of 2 sequences, found none for 1 of them: a"), "{error}");
+        let (evaluation, notes) = evaluate(&folder, Missing::Skip).unwrap();
+        assert_eq!(evaluation.sequences.len(), 1);
+        assert!(notes.to_string().contains("1 of 2 sequences have no results and are left out: a"));
+        std::fs::remove_dir_all(folder.path().join("found/b")).unwrap();
+        assert!(evaluate(&folder, Missing::Skip).is_err());
+        folder.write("found/a.txt", "");
+        let error = evaluate(&folder, Missing::Skip).unwrap_err();
+        assert!(error.ends_with("a.txt: expected x,y,w,h per line, found an empty file"), "{error}");
+    }
+
+    #[test]
+    fn sequences_of_nan_alone() {
+        let folder = Folder::new("score");
+        folder.write("truth/a.txt", "NaN,NaN,NaN,NaN\nNaN,NaN,NaN,NaN\n");
+        folder.write("found/a.txt", "1,2,3,4\n1,2,3,4\n");
+        let (evaluation, mut notes) = evaluate(&folder, Missing::Refuse).unwrap();
+        let error = evaluation.score(Convention::Got10k, &mut notes).unwrap_err().to_string();
+        assert!(error.contains("no frame to count") && error.contains("got10k"), "{error}");
+        let score = evaluation.score(Convention::Otb, &mut notes).unwrap();
+        assert_eq!((score.precision, score.auc), (100.0, 0.0));
+        folder.write("truth/b.txt", "10,10,20,20\n");
+        folder.write("found/b.txt", "10,10,20,20\n");
+        let (evaluation, mut notes) = evaluate(&folder, Missing::Refuse).unwrap();
+        let score = evaluation.score(Convention::Got10k, &mut notes).unwrap();
+        assert_eq!((score.precision, score.sequences), (100.0, 1));
+        assert!(notes.to_string().contains("a: no annotated box counts under got10k"), "{notes}");
+    }
+}

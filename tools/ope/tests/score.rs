@@ -1,0 +1,67 @@
+//! The program `ope score`: what it prints, how it ends.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(path.join("truth")).unwrap();
+    fs::create_dir_all(path.join("found")).unwrap();
+    path
+}
+
+fn score(folder: &PathBuf, options: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ope"));
+    command.current_dir(folder).args(["score", "--annotations", "truth", "--results", "found"]);
+    command.args(options).output().unwrap()
+}
+
+#[test]
+fn json_of_one_rule_and_of_all() {
+    let folder = folder("json");
+    fs::write(folder.join("truth/a.txt"), "10,10,20,20\r\nNaN,NaN,NaN,NaN\r\n10,10,20,20\r\n").unwrap();
+    fs::write(folder.join("found/a.txt"), "10,10,20,20,1\n1,1,1,1,1\n10,10,20,20,1\n").unwrap();
+    let out = score(&folder, &["--convention", "got10k", "--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(value["precision"], 100.0);
+    assert_eq!(value["sequences"], 1);
+    assert!((value["auc"].as_f64().unwrap() - 2000.0 / 21.0).abs() < 1e-9);
+    let out = score(&folder, &["--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(value["pysot"]["precision"], 100.0);
+    assert!((value["otb"]["auc"].as_f64().unwrap() - 4000.0 / 63.0).abs() < 1e-9);
+    assert!(value["drop"]["norm_precision"].is_number() && value["got10k"]["fps"].is_null());
+}
+
+#[test]
+fn a_table_and_remarks_apart_from_it() {
+    let folder = folder("table");
+    fs::write(folder.join("truth/a.txt"), "10,10,20,20\n10,10,20,20\n").unwrap();
+    fs::write(folder.join("found/a.txt"), "10,10,20,20\n").unwrap();
+    let out = score(&folder, &["--per-sequence"]);
+    let (stdout, stderr) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
+    assert!(out.status.success());
+    let otb: Vec<_> = stdout.lines().filter(|line| line.starts_with("otb")).collect();
+    assert!(otb[0].split_whitespace().eq(["otb", "100.00", "95.24", "100.00", "100.00", "1"]), "{stdout}");
+    assert_eq!(stderr, "note: a: 2 annotated frames, 1 results: the shorter counts\n");
+}
+
+#[test]
+fn bad_input_ends_with_a_message() {
+    let folder = folder("bad");
+    fs::write(folder.join("truth/a.txt"), "10,10,20,20\n").unwrap();
+    let ends = |code: i32, part: &str| {
+        let out = score(&folder, &["--json"]);
+        let stderr = String::from_utf8(out.stderr).unwrap();
+        assert_eq!((out.status.code(), out.stdout.is_empty()), (Some(code), true), "{stderr}");
+        assert!(stderr.starts_with("error: ") && stderr.contains(part), "{stderr}");
+    };
+    ends(3, "none for 1 of them: a");
+    fs::write(folder.join("found/a.txt"), "10 10 20 twenty\n").unwrap();
+    ends(3, "line 1: expected x,y,w,h, found \"10 10 20 twenty\"");
+    fs::remove_dir_all(folder.join("truth")).unwrap();
+    ends(3, "truth: cannot be read");
+    assert_eq!(score(&folder, &["--convention", "best"]).status.code(), Some(2));
+}
