@@ -62,7 +62,7 @@ fn main() {
         .collect();
     let arg = |i: usize, default| args.get(i).copied().unwrap_or(default);
     let (size, items, threads, steps) = (arg(0, 303), arg(1, 16), arg(2, 2), arg(3, 5).max(1));
-    let compute = Compute::new(threads).expect("worker threads");
+    let compute = Compute::new(threads).expect("worker threads").with_winograd();
     let mut parameters = Parameters::new();
     let network = DrMim::new(&mut parameters, HALF);
     let mut state = 1;

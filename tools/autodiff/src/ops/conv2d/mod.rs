@@ -62,7 +62,7 @@ impl Tape<'_> {
         }
         let Conv2d { stride, pad, relu } = options;
         let shape = ConvShape { in_channels, out_channels, kernel, stride, pad, relu };
-        let algorithm = Algorithm::plan(&shape, maps.size);
+        let algorithm = self.compute.algorithm(&shape, maps.size);
         let conv = self.packed_once(weights, Direction::Forward, algorithm, |tape| {
             let zeros = vec![0.0; out_channels];
             let bias = bias.map_or(&zeros[..], |bias| tape.value(bias).data());
@@ -145,7 +145,7 @@ impl Convolution {
         let input = tape.value(self.x).maps("conv2d").size;
         let side = |n: usize| n + 2 * pad + 1 - kernel;
         let size = Size { h: side(input.h), w: side(input.w) }; // of the gradient with zeros between its pixels
-        let algorithm = Algorithm::plan(&back, size);
+        let algorithm = tape.compute.algorithm(&back, size);
         let conv = tape.packed_once(self.weights, Direction::Backward, algorithm, |tape| {
             let turned = turn(&self.shape, tape.value(self.weights).data());
             Conv::new(tape.compute.isa(), algorithm, back, &turned, &vec![0.0; in_channels])
@@ -209,6 +209,27 @@ mod tests {
         let bias = Tensor::new(&[2], vec![0.5, -0.5]);
         let options = Conv2d { relu: true, ..Conv2d::default() };
         check(&[x, weights, bias], 0.01, 1e-4, |tape, v| tape.conv2d(v[0], v[1], Some(v[2]), options));
+    }
+
+    #[test]
+    fn winograd_changes_little() {
+        let x = noise(&[2, 14, 13, 64], 6);
+        let weights = noise(&[64, 3, 3, 64], 7);
+        let run = |compute: &Compute| {
+            let mut parameters = crate::Parameters::new();
+            let mut tape = Tape::new(compute, &mut parameters, crate::Mode::Training);
+            let (x, weights) = (tape.input(x.clone()), tape.input(weights.clone()));
+            let y = tape.conv2d(x, weights, None, Conv2d { pad: 1, ..Conv2d::default() });
+            tape.value(y).clone()
+        };
+        let exact = Compute::new(1).unwrap();
+        let fast = Compute::new(1).unwrap().with_winograd();
+        let shape =
+            ConvShape { in_channels: 64, out_channels: 64, kernel: 3, stride: 1, pad: 1, relu: false };
+        assert_ne!(fast.algorithm(&shape, Size { h: 14, w: 13 }), Algorithm::Direct);
+        for (a, b) in run(&exact).data().iter().zip(run(&fast).data()) {
+            assert!((a - b).abs() < 1e-3, "{a} and {b}");
+        }
     }
 
     #[test]
