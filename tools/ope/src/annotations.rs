@@ -16,6 +16,8 @@ pub struct Annotation {
     pub boxes: Vec<BBox>,
     /// Whether the target is there, per frame, where a list of that exists.
     pub present: Option<Vec<bool>>,
+    /// Picture pixels per pixel of the original video: thresholds are in those of the video.
+    pub scale: f64,
 }
 
 impl Annotation {
@@ -49,9 +51,35 @@ pub fn read_folder(folder: &Path) -> Result<Vec<Annotation>, Error> {
         return Err(Error::content(folder, "annotations <sequence>.txt", "none"));
     }
     let read = |(name, path): (String, PathBuf)| {
-        Ok(Annotation { boxes: text::read_boxes(&path)?, name, present: None })
+        let (boxes, scale) = (text::read_boxes(&path)?, scale_beside(&path)?);
+        Ok(Annotation { name, boxes, present: None, scale })
     };
     files.into_iter().map(read).collect()
+}
+
+/// The `scale` that a `meta.json` beside an annotation states; 1 where there is none.
+///
+/// # Errors
+/// If the file cannot be used, or the scale is not above 0.
+pub fn scale_beside(annotation: &Path) -> Result<f64, Error> {
+    let path = annotation.with_file_name("meta.json");
+    if !path.is_file() {
+        return Ok(1.0);
+    }
+    let failure = |found: String| Error::content(&path, "JSON with a scale above 0, or none", found);
+    let meta: Meta = serde_json::from_str(&text::read(&path)?).map_err(|error| failure(error.to_string()))?;
+    let usable = meta.scale > 0.0 && meta.scale.is_finite();
+    if usable { Ok(meta.scale) } else { Err(failure(meta.scale.to_string())) }
+}
+
+#[derive(serde::Deserialize)]
+struct Meta {
+    #[serde(default = "one")]
+    scale: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// The sequence that a file of boxes is named after; `None` if it is none.
@@ -98,12 +126,17 @@ mod tests {
         folder.write("bike1.txt", "1,2,3,4\n");
         folder.write("S0101_gt.txt", "1,2,3,4\n5,6,7,8\n");
         folder.write("Gull2/groundtruth_rect.txt", "1\t2\t3\t4\n");
+        folder.write("Gull2/meta.json", r#"{"scale": 0.75, "more": []}"#);
         folder.write("att/bike1.txt", "0,1\n");
         folder.write("S0101_att.txt", "0,1\n");
         folder.write("list.csv", "bike1\n");
         let read = read_folder(folder.path()).unwrap();
         let names: Vec<_> = read.iter().map(|a| (&a.name[..], a.boxes.len())).collect();
         assert_eq!(names, [("Gull2", 1), ("S0101", 2), ("bike1", 1)]);
+        assert_eq!((read[0].scale, read[1].scale), (0.75, 1.0));
+        folder.write("Gull2/meta.json", r#"{"scale": 0}"#);
+        assert!(read_folder(folder.path()).unwrap_err().to_string().contains("a scale above 0"));
+        folder.write("Gull2/meta.json", "{}");
         folder.write("bike1_gt.txt", "1,2,3,4\n");
         assert!(read_folder(folder.path()).unwrap_err().to_string().contains("one annotation of bike1"));
     }

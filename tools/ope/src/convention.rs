@@ -35,7 +35,7 @@ pub enum Convention {
 pub struct Judgement {
     /// Intersection over union.
     pub overlap: f64,
-    /// Distance of the centres in pixels.
+    /// Distance of the centres in pixels of the original video.
     pub error: f64,
     /// The same with each component divided by the annotated width or height.
     pub norm_error: f64,
@@ -72,7 +72,7 @@ impl Convention {
         let result = self.repaired(annotation, result);
         let pairs = annotation.boxes.iter().zip(result.iter());
         let judge = |(i, (annotated, found)): (usize, (&BBox, &BBox))| {
-            self.counts(annotation, i).then(|| self.judge_frame(annotated, found))
+            self.counts(annotation, i).then(|| self.judge_frame(annotated, found, annotation.scale))
         };
         pairs.enumerate().map(judge).collect()
     }
@@ -108,7 +108,7 @@ impl Convention {
         }
     }
 
-    fn judge_frame(self, annotated: &BBox, found: &BBox) -> Judgement {
+    fn judge_frame(self, annotated: &BBox, found: &BBox, scale: f64) -> Judgement {
         let (dx, dy) = found.offset(annotated);
         let (w, h) = match self {
             Convention::Got10k | Convention::Drop => (annotated.w.max(1.0), annotated.h.max(1.0)),
@@ -127,7 +127,7 @@ impl Convention {
         let or_failure = |known: bool, value: f64| if known { value } else { -1.0 };
         Judgement {
             overlap: or_failure(has_overlap, annotated.iou(found)),
-            error: or_failure(has_error, dx.hypot(dy)),
+            error: or_failure(has_error, dx.hypot(dy) / scale),
             norm_error: or_failure(self.has_norm_error(annotated, has_error), (dx / w).hypot(dy / h)),
         }
     }
@@ -152,7 +152,7 @@ mod tests {
     const FAR: BBox = BBox::new(200.0, 10.0, 20.0, 20.0);
 
     fn annotation(boxes: &[BBox]) -> Annotation {
-        Annotation { name: "a".into(), boxes: boxes.to_vec(), present: None }
+        Annotation { name: "a".into(), boxes: boxes.to_vec(), present: None, scale: 1.0 }
     }
 
     /// Precision, and success at overlap above 0, under each rule in the order of `ALL`.
@@ -234,6 +234,14 @@ mod tests {
         assert_eq!(rates(&[GOOD, GOOD], &[GOOD]), [Some((1.0, 1.0)); 4]);
         assert_eq!(rates(&[], &[GOOD]), [None; 4]);
         assert_eq!(rates(&[GOOD], &[]), [None; 4]);
+    }
+
+    #[test]
+    fn errors_are_in_pixels_of_the_video() {
+        let mut annotated = annotation(&[GOOD, GOOD]);
+        annotated.scale = 0.5;
+        let judged = Convention::Got10k.judge(&annotated, &[GOOD, BBox::new(16.0, 18.0, 20.0, 20.0)]);
+        assert_eq!(judged[1].unwrap().error, 20.0);
     }
 
     #[test]

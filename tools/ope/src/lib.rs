@@ -7,6 +7,7 @@
 //! | step | module |
 //! |---|---|
 //! | files of boxes and times, as people write them | [`text`], [`annotations`], [`results`] |
+//! | benchmarks as they lie on disk | [`dataset`] |
 //! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
 //! | one tracker on one benchmark: means over sequences, speed | [`score`], [`speed`] |
 
@@ -16,6 +17,7 @@ pub mod annotations;
 pub mod bbox;
 pub mod convention;
 pub mod curves;
+pub mod dataset;
 pub mod error;
 pub mod notes;
 pub mod results;
@@ -30,6 +32,7 @@ pub use annotations::Annotation;
 pub use bbox::BBox;
 pub use convention::Convention;
 pub use curves::Curves;
+pub use dataset::{Dataset, Sequence};
 pub use error::Error;
 pub use notes::Notes;
 pub use results::Results;
