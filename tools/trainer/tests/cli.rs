@@ -1,0 +1,163 @@
+//! The program: a run that is killed and goes on, an export, and ways in that lead nowhere.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+use weights_format::{Storage, Weights};
+
+/// A folder of its own with a few pictures of rectangles and `boxes.csv`, removed when dropped.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("train-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        let mut text = String::from("path,x,y,w,h\n");
+        for i in 0..4u32 {
+            let picture = image::RgbImage::from_fn(120, 100, |x, y| {
+                let inside = (30..60).contains(&x) && (40..65).contains(&y);
+                image::Rgb([if inside { 220 } else { 60 }, (x * y * (i + 1)) as u8, 90])
+            });
+            picture.save(path.join(format!("{i}.png"))).unwrap();
+            text += &format!("{i}.png,30,40,30,25\n");
+        }
+        text += "missing.png,1,1,9,9\n";
+        std::fs::write(path.join("boxes.csv"), text).unwrap();
+        Folder(path)
+    }
+
+    fn at(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn train(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_train"));
+    command.args(args);
+    command
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn succeed(output: &Output) {
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+}
+
+const TINY: [&str; 14] = [
+    "--ratio",
+    "0.9",
+    "--steps",
+    "30",
+    "--batch",
+    "2",
+    "--search-size",
+    "191",
+    "--early-size",
+    "183",
+    "--threads",
+    "2",
+    "--estimation-batches",
+    "2",
+];
+
+#[test]
+fn a_killed_run_goes_on_to_the_same_weights() {
+    let folder = Folder::new("resume");
+    let (data, straight, killed) = (folder.at("boxes.csv"), folder.at("straight"), folder.at("killed"));
+    let fit = |out: &str, more: &[&str]| {
+        let mut command = train(&["fit", "--data", &data, "--out", out]);
+        command.args(TINY).args(more);
+        command
+    };
+    let output = fit(&straight, &[]).output().unwrap();
+    succeed(&output);
+    assert!(text(&output.stderr).contains("missing.png is missing"), "{}", text(&output.stderr));
+    assert_eq!(
+        text(&output.stdout).trim(),
+        Path::new(&straight).join("weights.safetensors").to_str().unwrap()
+    );
+
+    // A checkpoint after every step; killed as soon as there are a few.
+    let mut child =
+        fit(&killed, &["--checkpoint-minutes", "0"]).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let log = Path::new(&killed).join("log.jsonl");
+    let checkpoint = Path::new(&killed).join("checkpoint.safetensors");
+    let start = Instant::now();
+    while !checkpoint.exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "no checkpoint");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(log.exists() && !Path::new(&killed).join("weights.safetensors").exists(), "killed too late");
+    let checkpoint = checkpoint.display().to_string();
+    succeed(&train(&["fit", "--resume", &checkpoint, "--out", &killed]).output().unwrap());
+
+    let read = |out: &str| Weights::read(&Path::new(out).join("weights.safetensors")).unwrap();
+    let (a, b) = (read(&straight), read(&killed));
+    assert!(a.tensors().eq(b.tensors()), "the same bits");
+    assert_eq!(a.header.provenance.notes["steps"], "30");
+    assert_eq!(a.header.input.mean, [114.0; 3]);
+
+    let final_checkpoint = Path::new(&killed).join("final.safetensors").display().to_string();
+    let exported = folder.at("half.safetensors");
+    succeed(&train(&["export", &final_checkpoint, "--out", &exported, "--name", "tiny"]).output().unwrap());
+    let half = Weights::read(Path::new(&exported)).unwrap();
+    assert_eq!((half.header.storage, &half.header.provenance.name[..]), (Storage::F16, "tiny"));
+    for ((name, full), (_, half)) in a.tensors().zip(half.tensors()) {
+        let worst = full.data.iter().zip(&half.data).map(|(f, h)| (f - h).abs() / f.abs().max(1e-3));
+        assert!(worst.fold(0.0, f32::max) < 1e-3, "{name}");
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let folder = Folder::new("refused");
+    let (data, out) = (folder.at("boxes.csv"), folder.at("out"));
+    std::fs::write(folder.at("empty.csv"), "path,x,y,w,h\nmissing.png,1,1,9,9\n").unwrap();
+    std::fs::write(folder.at("columns.csv"), "path,x,y,w\n").unwrap();
+    std::fs::create_dir(folder.at("nothing")).unwrap();
+    let (empty, columns, nothing) = (folder.at("empty.csv"), folder.at("columns.csv"), folder.at("nothing"));
+    let zero = format!("{data}:0");
+    for (args, code, message) in [
+        (&["fit", "--out", &out][..], 2, "at least one source"),
+        (&["fit", "--out", &out, "--data", &zero], 2, "a share above 0"),
+        (&["fit", "--out", &out, "--data", &data, "--batch", "1"], 2, "--batch"),
+        (&["fit", "--out", &out, "--data", &data, "--ratio", "1"], 2, "--ratio"),
+        (&["fit", "--out", &out, "--data", &data, "--augment", "wild"], 2, "none, light or strong"),
+        (&["fit", "--out", &out, "--data", &data, "--minutes", "NaN"], 2, "--minutes"),
+        (&["fit", "--out", &out, "--data", &data, "--search-size", "130"], 4, "search_size"),
+        (&["fit", "--out", &out, "--data", "none.csv"], 3, "none.csv"),
+        (&["fit", "--out", &out, "--data", &empty], 4, "found none (1 skipped)"),
+        (&["fit", "--out", &out, "--data", &columns], 4, "column \"h\""),
+        (&["fit", "--out", &out, "--data", &nothing], 4, "found none"),
+        (&["fit", "--out", &out, "--data", &data, "--validate", &nothing], 4, "sequence"),
+        (&["fit", "--out", &out, "--resume", &data], 4, "a training checkpoint"),
+        (&["export", &data, "--out", &out], 4, "a training checkpoint"),
+        (&["export", "none", "--out", &out], 3, "none"),
+    ] {
+        let output = train(args).output().unwrap();
+        let stderr = text(&output.stderr);
+        assert!(stderr.contains(message), "{args:?} says {stderr:?}, expected {message:?}");
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
+        assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
+fn sheets_show_pairs() {
+    let folder = Folder::new("show");
+    let (data, out) = (folder.at("boxes.csv"), folder.at("sheets"));
+    let output = train(&["show", "--data", &data, "--out", &out, "--search-size", "191"]).output().unwrap();
+    succeed(&output);
+    let sheet = image::open(text(&output.stdout).trim()).unwrap().to_rgb8();
+    assert!(sheet.pixels().any(|p| p.0 == [40, 255, 40]), "a box");
+}
