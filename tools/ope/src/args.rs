@@ -21,7 +21,10 @@ impl Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  ope score --annotations DTB70/anno --results results/DTB70/mine
+  ope run --dataset dtb70 --root /data/DTB70 --out results
+  ope run --dataset uavdt --root /data/UAVDT --out results --name kcf --tracker 'python3 kcf.py {frames} {init}'
+  ope score --dataset dtb70 --root /data/DTB70 --results results/DTB70/track-cpu
+  ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
 
 Exit codes:
   0  done
@@ -32,16 +35,129 @@ Exit codes:
 /// The sub-commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Run a tracker over a benchmark: this repository's, or another program. Goes on where an earlier run ended.
+    Run(RunArgs),
+    /// Make one folder of the results that shards wrote.
+    Merge(MergeArgs),
     /// Hold a folder of results against a folder of annotations.
     Score(ScoreArgs),
+}
+
+/// `run`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = RUN_HELP)]
+pub struct RunArgs {
+    /// The benchmark.
+    #[arg(short, long, value_enum)]
+    pub dataset: Set,
+    /// The folder it lies in.
+    #[arg(long, value_name = "DIR")]
+    pub root: PathBuf,
+    /// Where results go: <DIR>/<benchmark>/<name>/<sequence>.txt, times/<sequence>_time.txt beside them.
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Another tracker's command line; this repository's tracker if absent.
+    #[arg(short, long, value_name = "COMMAND", value_parser = ope::run::CommandLine::parse)]
+    pub tracker: Option<ope::run::CommandLine>,
+    /// Weights file of this repository's tracker; the built-in model if absent.
+    #[arg(short, long, value_name = "FILE", conflicts_with = "tracker")]
+    pub model: Option<PathBuf>,
+    /// What the tracker is called [default: track-cpu, or the program's name].
+    #[arg(short, long)]
+    pub name: Option<String>,
+    /// Sequences that run at a time [default: one per core]. Times are worth quoting with 1 only.
+    #[arg(short, long, value_name = "N")]
+    pub jobs: Option<std::num::NonZeroUsize>,
+    /// Run the i-th of n equal parts, for a job array; `ope merge` makes one of separate folders.
+    #[arg(long, value_name = "i/n", default_value = "1/1")]
+    pub shard: ope::run::Shard,
+}
+
+const RUN_HELP: &str = "\
+A tracker's command line may name
+  {frames}  a text file with the path of each frame, a line each
+  {folder}  the folder of the first frame
+  {init}    the first frame's box: x,y,w,h
+  {out}     the file to write the boxes to, x,y,w,h a line; if it is not named, standard output is taken
+  {times}   the file to write the seconds of each frame to, if it can
+and runs once per sequence, without a shell.";
+
+/// `merge`.
+#[derive(Debug, clap::Args)]
+pub struct MergeArgs {
+    /// Folders of results of one tracker on one benchmark.
+    #[arg(required = true, value_name = "DIR")]
+    pub parts: Vec<PathBuf>,
+    /// The folder to make of them.
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Where the truth is.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = true)]
+pub struct TruthArgs {
+    /// Folder of annotations: <sequence>.txt, <sequence>_gt.txt or <sequence>/groundtruth*.txt.
+    #[arg(short, long, value_name = "DIR", conflicts_with_all = ["dataset", "root"])]
+    pub annotations: Option<PathBuf>,
+    /// The benchmark, in place of --annotations.
+    #[arg(short, long, value_enum, requires = "root")]
+    pub dataset: Option<Set>,
+    /// The folder that the benchmark lies in.
+    #[arg(long, value_name = "DIR", requires = "dataset")]
+    pub root: Option<PathBuf>,
+}
+
+/// A benchmark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Set {
+    /// UAV123.
+    Uav123,
+    /// UAV123@10fps.
+    #[value(name = "uav123_10fps", alias = "uav123@10fps")]
+    Uav123At10Fps,
+    /// UAV20L.
+    Uav20l,
+    /// DTB70.
+    Dtb70,
+    /// UAVDT, single objects.
+    Uavdt,
+    /// VisDrone-SOT.
+    Visdrone,
+    /// OTB100.
+    Otb100,
+    /// GOT-10k.
+    Got10k,
+    /// LaSOT.
+    Lasot,
+    /// Any folder of sequences.
+    Folder,
+}
+
+impl Set {
+    /// The benchmark meant.
+    pub fn dataset(self) -> ope::Dataset {
+        match self {
+            Set::Uav123 => ope::Dataset::Uav123,
+            Set::Uav123At10Fps => ope::Dataset::Uav123At10Fps,
+            Set::Uav20l => ope::Dataset::Uav20l,
+            Set::Dtb70 => ope::Dataset::Dtb70,
+            Set::Uavdt => ope::Dataset::Uavdt,
+            Set::Visdrone => ope::Dataset::Visdrone,
+            Set::Otb100 => ope::Dataset::Otb100,
+            Set::Got10k => ope::Dataset::Got10k,
+            Set::Lasot => ope::Dataset::Lasot,
+            Set::Folder => ope::Dataset::Folder,
+        }
+    }
 }
 
 /// `score`.
 #[derive(Debug, clap::Args)]
 pub struct ScoreArgs {
-    /// Folder of annotations: <sequence>.txt, <sequence>_gt.txt or <sequence>/groundtruth*.txt.
-    #[arg(short, long, value_name = "DIR")]
-    pub annotations: PathBuf,
+    /// Where the truth is.
+    #[command(flatten)]
+    pub truth: TruthArgs,
     /// Folder of results: <sequence>.txt or <sequence>/<sequence>_001.txt, times in times/<sequence>_time.txt.
     #[arg(short, long, value_name = "DIR")]
     pub results: PathBuf,

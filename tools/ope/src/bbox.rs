@@ -59,6 +59,12 @@ impl BBox {
     }
 }
 
+impl From<track_cpu::BBox> for BBox {
+    fn from(b: track_cpu::BBox) -> BBox {
+        BBox::new(b.x.into(), b.y.into(), b.w.into(), b.h.into())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -54,6 +54,35 @@ pub enum Error {
         /// What is there.
         found: String,
     },
+    /// A sequence cannot be tracked.
+    #[error("{sequence}: {reason}")]
+    Sequence {
+        /// Which.
+        sequence: String,
+        /// Why.
+        reason: String,
+    },
+    /// Sequences could not be tracked.
+    #[error("{failed} of {of} sequences failed, as told above")]
+    Failed {
+        /// How many.
+        failed: usize,
+        /// Of how many.
+        of: usize,
+    },
+    /// An option does not fit the others or the input.
+    #[error("{option}: expected {expected}, found {found}")]
+    Option {
+        /// Which.
+        option: &'static str,
+        /// What would fit.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
+    /// A model cannot be used.
+    #[error(transparent)]
+    Model(#[from] track_cpu::ModelError),
     /// No frame of any sequence counts.
     #[error("no frame to count: every annotation is NaN or empty under the rule {convention}")]
     NothingToCount {

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | files of boxes and times, as people write them | [`text`], [`annotations`], [`results`] |
 //! | benchmarks as they lie on disk | [`dataset`] |
+//! | a tracker over a benchmark, ours or another program | [`run`] |
 //! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
 //! | one tracker on one benchmark: means over sequences, speed | [`score`], [`speed`] |
 
@@ -21,6 +22,7 @@ pub mod dataset;
 pub mod error;
 pub mod notes;
 pub mod results;
+pub mod run;
 pub mod score;
 pub mod speed;
 pub mod table;

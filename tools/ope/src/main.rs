@@ -10,6 +10,8 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let done = match Args::read().command {
+        Command::Run(args) => commands::run::run(&args),
+        Command::Merge(args) => commands::run::merge(&args),
         Command::Score(args) => commands::score::run(&args),
     };
     match done {

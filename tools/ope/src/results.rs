@@ -4,6 +4,7 @@ use crate::annotations::{entries, file_name, sequence_name};
 use crate::bbox::BBox;
 use crate::error::Error;
 use crate::text;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A folder with the results of one tracker on one benchmark.
@@ -23,8 +24,37 @@ impl Results {
     /// # Errors
     /// If it is no folder that can be read.
     pub fn open(folder: &Path) -> Result<Results, Error> {
-        std::fs::read_dir(folder).map_err(Error::unreadable(folder))?;
+        fs::read_dir(folder).map_err(Error::unreadable(folder))?;
         Ok(Results { folder: folder.to_path_buf() })
+    }
+
+    /// The results in `folder`, which is made if it is not there.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn create(folder: &Path) -> Result<Results, Error> {
+        fs::create_dir_all(folder).map_err(Error::unwritable(folder))?;
+        Results::open(folder)
+    }
+
+    /// Whether the boxes of a sequence are there, one for each of `frames`.
+    pub fn is_whole(&self, sequence: &str, frames: usize) -> bool {
+        self.boxes(sequence).is_ok_and(|boxes| boxes.is_some_and(|boxes| boxes.len() == frames))
+    }
+
+    /// Writes the boxes of a sequence as `<sequence>.txt`, `x,y,w,h` to three digits, and the seconds of its frames, if
+    /// there are any, as `times/<sequence>_time.txt` to eight. The file of boxes appears last and whole.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write(&self, sequence: &str, boxes: &[BBox], seconds: &[f64]) -> Result<(), Error> {
+        if !seconds.is_empty() {
+            let folder = self.folder.join("times");
+            fs::create_dir_all(&folder).map_err(Error::unwritable(&folder))?;
+            let text: String = seconds.iter().map(|t| format!("{t:.8}\n")).collect();
+            write_whole(&folder.join(format!("{sequence}_time.txt")), &text)?;
+        }
+        write_whole(&self.folder.join(format!("{sequence}.txt")), &lines(boxes, ","))
     }
 
     /// Where it lies.
@@ -79,4 +109,23 @@ impl Results {
     fn first(&self, names: &[String]) -> Option<PathBuf> {
         names.iter().map(|name| self.folder.join(name)).find(|path| path.is_file())
     }
+}
+
+/// Boxes as text, a line each, to three digits.
+pub fn lines(boxes: &[BBox], separator: &str) -> String {
+    let line = |b: &BBox| {
+        let [x, y, w, h] = [b.x, b.y, b.w, b.h].map(|v| format!("{v:.3}"));
+        [x, y, w, h].join(separator) + "\n"
+    };
+    boxes.iter().map(line).collect()
+}
+
+/// Writes a file that is never seen in part: under another name first.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
+    let part = path.with_file_name(format!(".{}.part", file_name(path)));
+    let written = fs::write(&part, text).and_then(|()| fs::rename(&part, path));
+    written.map_err(Error::unwritable(path))
 }

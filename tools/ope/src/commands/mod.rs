@@ -1,8 +1,10 @@
 //! One file per sub-command, and how the program ends.
 
+pub mod run;
 pub mod score;
 
-use ope::Error;
+use crate::args::TruthArgs;
+use ope::{Annotation, Error, Notes, annotations};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -22,4 +24,17 @@ pub fn exit(error: &Error) -> ExitCode {
 /// Writes to standard output.
 fn print(text: &str) -> Result<(), Error> {
     std::io::stdout().write_all(text.as_bytes()).map_err(Error::unwritable(Path::new("standard output")))
+}
+
+/// The annotations meant, by name.
+fn truth(args: &TruthArgs, notes: &mut Notes) -> Result<Vec<Annotation>, Error> {
+    match (&args.annotations, args.dataset, &args.root) {
+        (Some(folder), ..) => annotations::read_folder(folder),
+        (None, Some(set), Some(root)) => set.dataset().annotations(root, notes),
+        _ => Err(Error::Option {
+            option: "--annotations",
+            expected: "it, or --dataset with --root".into(),
+            found: "neither".into(),
+        }),
+    }
 }

@@ -3,15 +3,15 @@
 use crate::args::{Rule, ScoreArgs};
 use ope::score::{Evaluation, Missing, Score};
 use ope::table::Table;
-use ope::{Error, Notes, Results, annotations};
+use ope::{Error, Notes, Results};
 use serde_json::{Value, json};
 
 /// Scores one folder of results.
 pub fn run(args: &ScoreArgs) -> Result<(), Error> {
-    let annotations = annotations::read_folder(&args.annotations)?;
     let results = Results::open(&args.results)?;
     let missing = if args.partial { Missing::Skip } else { Missing::Refuse };
     let mut notes = Notes::default();
+    let annotations = super::truth(&args.truth, &mut notes)?;
     let evaluation = Evaluation::read(&annotations, &results, missing, &mut notes)?;
     let scores = evaluation.scores(args.convention.conventions(), &mut notes)?;
     eprint!("{notes}");

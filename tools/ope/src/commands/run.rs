@@ -1,0 +1,42 @@
+//! `ope run` and `ope merge`.
+
+use crate::args::{MergeArgs, RunArgs};
+use ope::run::Runner;
+use ope::{Error, Notes};
+use std::num::NonZeroUsize;
+use std::thread;
+use track_cpu::{Isa, Model};
+
+/// Runs a tracker over a benchmark.
+pub fn run(args: &RunArgs) -> Result<(), Error> {
+    let dataset = args.dataset.dataset();
+    let mut notes = Notes::default();
+    let sequences = dataset.load(&args.root, &mut notes)?;
+    eprint!("{notes}");
+    let (runner, name) = match (&args.tracker, &args.model) {
+        (Some(command), _) => (Runner::Command(command.clone()), command.name()),
+        (None, Some(path)) => (Runner::Builtin(Model::read(path, Isa::detect())?), "track-cpu".to_owned()),
+        (None, None) => (Runner::Builtin(Model::builtin(Isa::detect())), "track-cpu".to_owned()),
+    };
+    let name = args.name.as_ref().unwrap_or(&name);
+    if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
+        let expected = "a name for a folder".to_owned();
+        return Err(Error::Option { option: "--name", expected, found: format!("{name:?}") });
+    }
+    let folder = args.out.join(dataset.name()).join(name);
+    let cores = || thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let jobs = args.jobs.unwrap_or_else(cores);
+    let ran = ope::run::run(&sequences, args.shard, &runner, &folder, jobs, &|line| eprintln!("{line}"))?;
+    eprintln!("{ran} sequences run, results in {}", folder.display());
+    if ran > 0 && jobs.get() > 1 {
+        eprintln!("note: {jobs} sequences ran at a time, which slows each: for times to quote, use --jobs 1");
+    }
+    Ok(())
+}
+
+/// Makes one folder of several.
+pub fn merge(args: &MergeArgs) -> Result<(), Error> {
+    let sequences = ope::run::merge(&args.parts, &args.out)?;
+    eprintln!("{sequences} sequences in {}", args.out.display());
+    Ok(())
+}

@@ -1,0 +1,124 @@
+//! Another program over one sequence.
+
+use super::{Outcome, failure};
+use crate::bbox::BBox;
+use crate::dataset::Sequence;
+use crate::error::Error;
+use crate::text;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// A command line that tracks one sequence.
+///
+/// | placeholder | stands for |
+/// |---|---|
+/// | `{frames}` | a text file with the path of each frame, a line each |
+/// | `{folder}` | the folder of the first frame |
+/// | `{init}` | the first frame's box: `x,y,w,h` |
+/// | `{out}` | the file to write the boxes to; where it is not named, standard output is taken |
+/// | `{times}` | the file to write the seconds of each frame to, if the program can |
+///
+/// Words are separated by spaces; quotes keep a word together. No shell is involved.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CommandLine {
+    words: Vec<String>,
+}
+
+impl CommandLine {
+    /// Splits a command line into words.
+    ///
+    /// # Errors
+    /// Says what is wrong, if it is empty or a quote does not end.
+    pub fn parse(text: &str) -> Result<CommandLine, String> {
+        let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+        for c in text.chars() {
+            match quote {
+                Some(q) if c == q => quote = None,
+                None if c == '"' || c == '\'' => {
+                    quote = Some(c);
+                    word.get_or_insert_default();
+                }
+                None if c.is_whitespace() => words.extend(word.take()),
+                _ => word.get_or_insert_default().push(c),
+            }
+        }
+        words.extend(word);
+        match (quote, words.is_empty()) {
+            (Some(quote), _) => Err(format!("expected the quote {quote} to end, found {text:?}")),
+            (None, true) => Err("expected a command line, found none".into()),
+            (None, false) => Ok(CommandLine { words }),
+        }
+    }
+
+    /// What the program is called: its file's name.
+    pub fn name(&self) -> String {
+        Path::new(&self.words[0]).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Runs the program on a sequence, its files in a folder below `folder` that goes away.
+    pub(super) fn track(&self, sequence: &Sequence, first: BBox, folder: &Path) -> Result<Outcome, Error> {
+        let name = &sequence.annotation.name;
+        let work = Work::new(folder, name)?;
+        let [frames, out, times] = ["frames.txt", "boxes.txt", "times.txt"].map(|file| work.0.join(file));
+        let absolute = |path: &Path| fs::canonicalize(path).map_err(Error::unreadable(path));
+        let paths = sequence.frames.iter().map(|path| Ok(format!("{}\n", absolute(path)?.display())));
+        let list = paths.collect::<Result<String, Error>>()?;
+        fs::write(&frames, list).map_err(Error::unwritable(&frames))?;
+        let pictures = absolute(sequence.frames[0].parent().unwrap_or(Path::new(".")))?;
+        let values = [
+            ("{frames}", frames.display().to_string()),
+            ("{folder}", pictures.display().to_string()),
+            ("{init}", format!("{},{},{},{}", first.x, first.y, first.w, first.h)),
+            ("{out}", out.display().to_string()),
+            ("{times}", times.display().to_string()),
+        ];
+        let fill =
+            |word: &String| values.iter().fold(word.clone(), |word, (key, value)| word.replace(key, value));
+        let words: Vec<String> = self.words.iter().map(fill).collect();
+        let mut command = Command::new(&words[0]);
+        command.args(&words[1..]).stdin(Stdio::null());
+        match self.words.iter().any(|word| word.contains("{out}")) {
+            true => command.stdout(Stdio::null()),
+            false => command.stdout(fs::File::create(&out).map_err(Error::unwritable(&out))?),
+        };
+        let status = command.status().map_err(|error| failure(name, format!("{}: {error}", words[0])))?;
+        if !status.success() {
+            return Err(failure(name, format!("{}: {status}", words[0])));
+        }
+        let seconds = if times.is_file() { text::read_numbers(&times)? } else { Vec::new() };
+        Ok(Outcome { boxes: text::read_boxes(&out)?, seconds })
+    }
+}
+
+/// A folder for the program's files, removed when dropped.
+struct Work(PathBuf);
+
+impl Work {
+    fn new(folder: &Path, sequence: &str) -> Result<Work, Error> {
+        let path = folder.join(format!(".{sequence}.{}", std::process::id()));
+        fs::create_dir_all(&path).map_err(Error::unwritable(&path))?;
+        let path = fs::canonicalize(&path).map_err(Error::unreadable(&path))?;
+        Ok(Work(path))
+    }
+}
+
+impl Drop for Work {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_and_quotes() {
+        let words = |text: &str| CommandLine::parse(text).map(|command| command.words);
+        assert_eq!(words("  a b\t'c d' \"e 'f\"g '' ").unwrap(), ["a", "b", "c d", "e 'fg", ""]);
+        assert!(words("a 'b").unwrap_err().contains("quote '"));
+        assert!(words("  ").is_err());
+        assert_eq!(CommandLine::parse("/opt/kcf.py {out}").unwrap().name(), "kcf");
+    }
+}

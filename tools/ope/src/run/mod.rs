@@ -1,0 +1,147 @@
+//! Running a tracker over a benchmark: several sequences at a time, going on where an earlier run ended.
+//!
+//! A sequence's file of boxes appears under its name only when it is whole, its times before it; what is there is not
+//! done again. The boxes do not depend on how many sequences run at a time, on shards or on interruptions.
+
+mod builtin;
+mod command;
+mod merge;
+
+pub use command::CommandLine;
+pub use merge::merge;
+
+use crate::bbox::BBox;
+use crate::dataset::Sequence;
+use crate::error::{Error, brief};
+use crate::results::Results;
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::str::FromStr;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use track_cpu::Model;
+
+/// What is run.
+#[derive(Clone, Debug)]
+pub enum Runner {
+    /// This repository's tracker, one thread per sequence.
+    Builtin(Model),
+    /// Another program.
+    Command(CommandLine),
+}
+
+/// What a tracker found in one sequence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// One box per frame, the first being the one given.
+    pub boxes: Vec<BBox>,
+    /// Seconds per frame, reading pictures excluded; empty if not known.
+    pub seconds: Vec<f64>,
+}
+
+/// One of several equal parts of a benchmark, counted from 1: `2/4`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    index: usize,
+    count: usize,
+}
+
+impl Shard {
+    /// All of the benchmark.
+    pub const ALL: Shard = Shard { index: 1, count: 1 };
+
+    /// Whether the sequence at `place` in the order of names is in it.
+    pub fn holds(self, place: usize) -> bool {
+        place % self.count == self.index - 1
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Shard, String> {
+        let parse = || {
+            let (index, count) = text.split_once('/')?;
+            Some(Shard { index: index.parse().ok()?, count: count.parse().ok()? })
+        };
+        let valid = |shard: &Shard| (1..=shard.count).contains(&shard.index);
+        parse().filter(valid).ok_or_else(|| format!("expected i/n with i from 1 to n, found {text:?}"))
+    }
+}
+
+/// Runs over those sequences of a shard that `folder` has no results of yet; returns how many it ran.
+///
+/// `jobs` sequences run at a time; `progress` is told a line about each.
+///
+/// # Errors
+/// If the folder cannot be written, or sequences fail: the others are still run, and each failure is told.
+pub fn run(
+    sequences: &[Sequence],
+    shard: Shard,
+    runner: &Runner,
+    folder: &Path,
+    jobs: NonZeroUsize,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<usize, Error> {
+    let results = Results::create(folder)?;
+    let mine = sequences.iter().enumerate().filter(|(place, _)| shard.holds(*place)).map(|(_, s)| s);
+    let todo: Vec<&Sequence> =
+        mine.filter(|s| !results.is_whole(&s.annotation.name, s.frames.len())).collect();
+    let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let work = || {
+        while let Some(sequence) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let name = &sequence.annotation.name;
+            let done = runner.track(sequence, folder).and_then(|outcome| {
+                results.write(name, &outcome.boxes, &outcome.seconds)?;
+                Ok(outcome)
+            });
+            match done {
+                Ok(outcome) => progress(&describe(name, &outcome)),
+                Err(error) => {
+                    failed.fetch_add(1, Ordering::Relaxed);
+                    progress(&format!("{name}: failed: {error}"));
+                }
+            }
+        }
+    };
+    thread::scope(|scope| (0..jobs.get().min(todo.len())).for_each(|_| drop(scope.spawn(work))));
+    match failed.into_inner() {
+        0 => Ok(todo.len()),
+        failed => Err(Error::Failed { failed, of: todo.len() }),
+    }
+}
+
+fn describe(name: &str, outcome: &Outcome) -> String {
+    let seconds: f64 = outcome.seconds.iter().sum();
+    let frames = outcome.boxes.len();
+    match seconds > 0.0 {
+        true => format!("{name}: {frames} frames, {:.1} FPS", frames as f64 / seconds),
+        false => format!("{name}: {frames} frames"),
+    }
+}
+
+impl Runner {
+    /// Tracks one sequence from its first annotated box on.
+    fn track(&self, sequence: &Sequence, folder: &Path) -> Result<Outcome, Error> {
+        let name = &sequence.annotation.name;
+        let first = sequence.annotation.boxes.first().filter(|first| first.is_usable());
+        let Some(first) = first else { return Err(failure(name, "its first annotated box has no area")) };
+        let outcome = match self {
+            Runner::Builtin(model) => builtin::track(model, sequence, *first)?,
+            Runner::Command(command) => command.track(sequence, *first, folder)?,
+        };
+        let (frames, boxes) = (sequence.frames.len(), outcome.boxes.len());
+        if frames != boxes {
+            return Err(failure(name, format!("{boxes} boxes, expected {frames}, one per frame")));
+        }
+        Ok(outcome)
+    }
+}
+
+/// A sequence could not be tracked.
+fn failure(sequence: &str, reason: impl ToString) -> Error {
+    Error::Sequence { sequence: sequence.to_owned(), reason: brief(reason) }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,117 @@
+use super::*;
+use crate::annotations::Annotation;
+use crate::testing::Folder;
+use std::sync::Mutex;
+
+/// Three sequences of empty pictures.
+fn sequences(folder: &Folder) -> Vec<Sequence> {
+    let sequence = |name: &str| {
+        let frames = (1..=3).map(|i| folder.write(&format!("{name}/{i}.jpg"), "")).collect();
+        let boxes = vec![BBox::new(1.0, 2.0, 30.0, 40.5); 3];
+        Sequence { annotation: Annotation { name: name.into(), boxes, present: None, scale: 1.0 }, frames }
+    };
+    ["a", "b", "c"].map(sequence).to_vec()
+}
+
+/// Runs a program and returns how it ended, with what was told.
+fn run_command(
+    sequences: &[Sequence],
+    shard: &str,
+    command: &str,
+    out: &Path,
+) -> (Result<usize, String>, String) {
+    let runner = Runner::Command(CommandLine::parse(command).unwrap());
+    let told = Mutex::new(String::new());
+    let tell = |line: &str| *told.lock().unwrap() += &format!("{line}\n");
+    let jobs = NonZeroUsize::new(2).unwrap();
+    let done = run(sequences, shard.parse().unwrap(), &runner, out, jobs, &tell);
+    (done.map_err(|error| error.to_string()), told.into_inner().unwrap())
+}
+
+const ECHO: &str = "sh -c 'for f in $(cat {frames}); do echo {init}; done'";
+
+#[test]
+fn shards() {
+    assert_eq!("2/4".parse(), Ok(Shard { index: 2, count: 4 }));
+    for bad in ["0/4", "5/4", "1", "a/b", "1/0", "-1/2"] {
+        assert!(bad.parse::<Shard>().is_err(), "{bad}");
+    }
+    let shards = ["1/3", "2/3", "3/3"].map(|s| s.parse::<Shard>().unwrap());
+    assert!((0..10).all(|place| shards.iter().filter(|shard| shard.holds(place)).count() == 1));
+}
+
+#[test]
+fn what_is_there_is_not_done_again() {
+    let folder = Folder::new("run");
+    let (sequences, out) = (sequences(&folder), folder.path().join("out"));
+    assert_eq!(run_command(&sequences, "1/1", ECHO, &out).0, Ok(3));
+    let text = std::fs::read_to_string(out.join("b.txt")).unwrap();
+    assert_eq!(text, "1.000,2.000,30.000,40.500\n".repeat(3));
+    assert_eq!(run_command(&sequences, "1/1", "false", &out).0, Ok(0));
+    std::fs::write(out.join("b.txt"), "1,2,3,4\n").unwrap(); // cut short
+    assert_eq!(run_command(&sequences, "1/1", ECHO, &out).0, Ok(1));
+    let left: Vec<_> = crate::annotations::entries(&out).unwrap();
+    assert_eq!(left.len(), 3, "{left:?}");
+}
+
+#[test]
+fn shards_merged_are_one_run() {
+    let folder = Folder::new("run");
+    let (sequences, at) = (sequences(&folder), |name: &str| folder.path().join(name));
+    let timed = "sh -c 'for f in 1 2 3; do echo {init} >> {out}; echo 0.5 >> {times}; done'";
+    run_command(&sequences, "1/1", timed, &at("whole")).0.unwrap();
+    assert_eq!(run_command(&sequences, "1/2", timed, &at("one")).0, Ok(2));
+    assert_eq!(run_command(&sequences, "2/2", timed, &at("two")).0, Ok(1));
+    assert_eq!(merge(&[at("one"), at("two"), at("one")], &at("merged")).unwrap(), 3);
+    for file in ["a.txt", "b.txt", "c.txt", "times/a_time.txt"] {
+        let read = |name: &str| std::fs::read(at(name).join(file)).unwrap();
+        assert_eq!(read("whole"), read("merged"), "{file}");
+    }
+    folder.write("two/b.txt", "5,5,5,5\n");
+    let error = merge(&[at("two")], &at("merged")).unwrap_err().to_string();
+    assert!(error.contains("expected the same boxes of b"), "{error}");
+}
+
+#[test]
+fn failures_are_told_and_the_others_run() {
+    let folder = Folder::new("run");
+    let (mut sequences, out) = (sequences(&folder), folder.path().join("out"));
+    sequences[0].annotation.boxes[0].w = f64::NAN;
+    let command =
+        "sh -c 'case {folder} in */b) echo {init};; *) echo {init}; echo {init}; echo {init};; esac'";
+    let (done, told) = run_command(&sequences, "1/1", command, &out);
+    assert_eq!(done, Err("2 of 3 sequences failed, as told above".into()));
+    assert!(told.contains("a: failed: a: its first annotated box has no area"), "{told}");
+    assert!(told.contains("b: failed: b: 1 boxes, expected 3, one per frame"), "{told}");
+    assert!(out.join("c.txt").is_file() && !out.join("b.txt").exists());
+    let (done, told) =
+        run_command(&sequences[2..], "1/1", "/nonexistent/tracker {out}", &folder.path().join("n"));
+    assert!(done.is_err() && told.contains("/nonexistent/tracker"), "{told}");
+}
+
+#[test]
+fn the_built_in_tracker_runs_on_files() {
+    let folder = Folder::new("builtin");
+    // A bright square on noise, moving to the right.
+    let picture = |shift: usize| {
+        let mut ppm = b"P6 96 64 255\n".to_vec();
+        for y in 0..64 {
+            for x in 0..96 {
+                let inside = (24 + shift..40 + shift).contains(&x) && (24..40).contains(&y);
+                ppm.extend([if inside { 240 } else { ((x * 7 + y * 13) % 60) as u8 }; 3]);
+            }
+        }
+        ppm
+    };
+    let frames = (0..4).map(|i| folder.write(&format!("s/{i}.ppm"), picture(2 * i))).collect();
+    let boxes = vec![BBox::new(24.0, 24.0, 16.0, 16.0); 4];
+    let annotation = Annotation { name: "s".into(), boxes, present: None, scale: 1.0 };
+    let mut sequence = Sequence { annotation, frames };
+    let runner = Runner::Builtin(Model::builtin(track_cpu::Isa::detect()));
+    let outcome = runner.track(&sequence, folder.path()).unwrap();
+    assert_eq!((outcome.boxes.len(), outcome.seconds.len()), (4, 4));
+    assert!(outcome.boxes.iter().all(BBox::is_usable) && outcome.seconds.iter().all(|s| *s > 0.0));
+    assert!(outcome.boxes[3].x > 26.0, "{:?}", outcome.boxes);
+    sequence.frames.push(folder.write("s/9.ppm", "P6"));
+    assert!(runner.track(&sequence, folder.path()).unwrap_err().to_string().contains("9.ppm"));
+}
