@@ -398,7 +398,9 @@ fn commit() -> String {
 }
 
 fn compute(threads: usize) -> Result<Compute, Error> {
-    Compute::new(threads).map(Compute::with_winograd).map_err(|error| Error::option("--threads", "threads that can be started", error))
+    Compute::new(threads)
+        .map(Compute::with_winograd)
+        .map_err(|error| Error::option("--threads", "threads that can be started", error))
 }
 
 fn entry(standing: &Standing, rate: f32, norm: f32, waited: f64) -> serde_json::Value {

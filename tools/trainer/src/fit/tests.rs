@@ -163,10 +163,10 @@ fn estimated_statistics_are_those_of_the_data() {
         let mut sum = 0.0;
         for y in 0..out {
             for x in 0..out {
-                for k in 0..121 * 3 {
+                for (k, weight) in weight.iter().enumerate().take(121 * 3) {
                     let (row, column, channel) = (2 * y + k / 33, 2 * x + k / 3 % 11, k % 3);
                     let value = f64::from(crop[(row * side + column) * 3 + channel]);
-                    sum += f64::from(weight[k]) * (value - 114.0) / 58.0;
+                    sum += f64::from(*weight) * (value - 114.0) / 58.0;
                 }
             }
         }
