@@ -25,6 +25,9 @@ Examples:
   ope run --dataset uavdt --root /data/UAVDT --out results --name kcf --tracker 'python3 kcf.py {frames} {init}'
   ope score --dataset dtb70 --root /data/DTB70 --results results/DTB70/track-cpu
   ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
+  ope compare --dataset dtb70 --root /data/DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
+  ope report --dataset dtb70 --root /data/DTB70 --out report.html results/DTB70/track-cpu results/DTB70/kcf
+  ope export --to pysot --dataset dtb70 --results results/DTB70/track-cpu --out exported
 
 Exit codes:
   0  done
@@ -41,6 +44,12 @@ pub enum Command {
     Merge(MergeArgs),
     /// Hold a folder of results against a folder of annotations.
     Score(ScoreArgs),
+    /// Set several trackers side by side: tables, plots as SVG.
+    Compare(CompareArgs),
+    /// Write a comparison as one HTML page with plots, sortable tables and frames of the worst failures.
+    Report(ReportArgs),
+    /// Write results in another toolkit's layout.
+    Export(ExportArgs),
 }
 
 /// `run`.
@@ -173,6 +182,124 @@ pub struct ScoreArgs {
     /// Show every sequence.
     #[arg(long)]
     pub per_sequence: bool,
+}
+
+/// What is set side by side.
+#[derive(Debug, clap::Args)]
+pub struct TrackersArgs {
+    /// Where the truth is.
+    #[command(flatten)]
+    pub truth: TruthArgs,
+    /// A folder of results per tracker; the others are held against the first.
+    #[arg(required = true, value_name = "DIR")]
+    pub results: Vec<PathBuf>,
+    /// What the trackers are called, in their order [default: the folders' names].
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub names: Vec<String>,
+    /// The rule by which frames are counted.
+    #[arg(short, long, value_enum, default_value_t = OneRule::Got10k)]
+    pub convention: OneRule,
+    /// Leave out sequences that some tracker has no results of, instead of refusing.
+    #[arg(long)]
+    pub partial: bool,
+}
+
+/// `compare`.
+#[derive(Debug, clap::Args)]
+pub struct CompareArgs {
+    /// What is set side by side.
+    #[command(flatten)]
+    pub trackers: TrackersArgs,
+    /// Folder for the plots: precision.svg, success.svg, speed.svg and attributes.svg where there are such data.
+    #[arg(short, long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// `report`.
+#[derive(Debug, clap::Args)]
+pub struct ReportArgs {
+    /// What the page is about.
+    #[command(flatten)]
+    pub trackers: TrackersArgs,
+    /// The page.
+    #[arg(short, long, value_name = "FILE", default_value = "report.html")]
+    pub out: PathBuf,
+    /// Its heading.
+    #[arg(long, default_value = "Tracking, one pass")]
+    pub title: String,
+    /// Failures to show frames of, which needs --dataset and --root.
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    pub failures: usize,
+}
+
+/// `export`.
+#[derive(Debug, clap::Args)]
+pub struct ExportArgs {
+    /// Folder of results.
+    #[arg(short, long, value_name = "DIR")]
+    pub results: PathBuf,
+    /// The layout.
+    #[arg(long, value_enum)]
+    pub to: Toolkit,
+    /// The benchmark that the results are of.
+    #[arg(short, long, value_enum)]
+    pub dataset: Set,
+    /// What the tracker is called [default: the folder's name].
+    #[arg(short, long)]
+    pub name: Option<String>,
+    /// Where to write.
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// A toolkit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Toolkit {
+    /// results/<benchmark>/<tracker>/<sequence>.txt with times.
+    Got10k,
+    /// <tracker>/<sequence>.txt.
+    Pysot,
+    /// tracking_results/<tracker>/default_000/<sequence>.txt, tabs, with times.
+    Pytracking,
+    /// <sequence>.txt.
+    Visdrone,
+}
+
+impl Toolkit {
+    /// The layout meant.
+    pub fn layout(self) -> ope::export::Layout {
+        match self {
+            Toolkit::Got10k => ope::export::Layout::Got10k,
+            Toolkit::Pysot => ope::export::Layout::Pysot,
+            Toolkit::Pytracking => ope::export::Layout::Pytracking,
+            Toolkit::Visdrone => ope::export::Layout::Visdrone,
+        }
+    }
+}
+
+/// One rule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum OneRule {
+    /// got10k toolkit.
+    Got10k,
+    /// pysot.
+    Pysot,
+    /// Matlab code of OTB and UAV123.
+    Otb,
+    /// As got10k, and annotations without area do not count either.
+    Drop,
+}
+
+impl OneRule {
+    /// The rule meant.
+    pub fn convention(self) -> ope::Convention {
+        match self {
+            OneRule::Got10k => ope::Convention::Got10k,
+            OneRule::Pysot => ope::Convention::Pysot,
+            OneRule::Otb => ope::Convention::Otb,
+            OneRule::Drop => ope::Convention::Drop,
+        }
+    }
 }
 
 /// A rule, or all of them.

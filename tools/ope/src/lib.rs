@@ -10,17 +10,23 @@
 //! | benchmarks as they lie on disk | [`dataset`] |
 //! | a tracker over a benchmark, ours or another program | [`run`] |
 //! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
+//! | several trackers: tables, plots, a page | [`compare`], [`plot`], [`report`] |
+//! | other toolkits' layouts | [`export`] |
 //! | one tracker on one benchmark: means over sequences, speed | [`score`], [`speed`] |
 
 #![forbid(unsafe_code)]
 
 pub mod annotations;
 pub mod bbox;
+pub mod compare;
 pub mod convention;
 pub mod curves;
 pub mod dataset;
 pub mod error;
+pub mod export;
 pub mod notes;
+pub mod plot;
+pub mod report;
 pub mod results;
 pub mod run;
 pub mod score;

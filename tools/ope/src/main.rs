@@ -13,6 +13,9 @@ fn main() -> ExitCode {
         Command::Run(args) => commands::run::run(&args),
         Command::Merge(args) => commands::run::merge(&args),
         Command::Score(args) => commands::score::run(&args),
+        Command::Compare(args) => commands::compare::compare(&args),
+        Command::Report(args) => commands::compare::report(&args),
+        Command::Export(args) => commands::export::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -14,6 +14,11 @@ impl Table {
         Table { rows: vec![header.map(str::to_owned).to_vec()] }
     }
 
+    /// Adds columns to the header.
+    pub fn extend_header(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows[0].extend(cells);
+    }
+
     /// Adds a row.
     pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().collect());

@@ -1,5 +1,7 @@
 //! One file per sub-command, and how the program ends.
 
+pub mod compare;
+pub mod export;
 pub mod run;
 pub mod score;
 
@@ -37,4 +39,13 @@ fn truth(args: &TruthArgs, notes: &mut Notes) -> Result<Vec<Annotation>, Error> 
             found: "neither".into(),
         }),
     }
+}
+
+/// A tracker's name that is to be a folder's.
+fn folder_name(name: &str) -> Result<&str, Error> {
+    if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
+        let expected = "a name for a folder".to_owned();
+        return Err(Error::Option { option: "--name", expected, found: format!("{name:?}") });
+    }
+    Ok(name)
 }

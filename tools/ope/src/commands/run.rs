@@ -18,11 +18,7 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
         (None, Some(path)) => (Runner::Builtin(Model::read(path, Isa::detect())?), "track-cpu".to_owned()),
         (None, None) => (Runner::Builtin(Model::builtin(Isa::detect())), "track-cpu".to_owned()),
     };
-    let name = args.name.as_ref().unwrap_or(&name);
-    if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
-        let expected = "a name for a folder".to_owned();
-        return Err(Error::Option { option: "--name", expected, found: format!("{name:?}") });
-    }
+    let name = super::folder_name(args.name.as_ref().unwrap_or(&name))?;
     let folder = args.out.join(dataset.name()).join(name);
     let cores = || thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = args.jobs.unwrap_or_else(cores);

@@ -7,6 +7,7 @@ mod builtin;
 mod command;
 mod merge;
 
+pub(crate) use builtin::decode;
 pub use command::CommandLine;
 pub use merge::merge;
 

@@ -1,0 +1,111 @@
+//! `ope compare` and `ope report`.
+
+use crate::args::{CompareArgs, ReportArgs, TrackersArgs};
+use ope::compare::{Comparison, Pair};
+use ope::score::Missing;
+use ope::table::Table;
+use ope::{Error, Notes, Results, report, results};
+use std::fs;
+
+/// Reads what is to be compared.
+fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
+    let mut notes = Notes::default();
+    let annotations = super::truth(&args.truth, &mut notes)?;
+    let opened: Result<Vec<Results>, Error> =
+        args.results.iter().map(|folder| Results::open(folder)).collect();
+    let attributes = match (args.truth.dataset, &args.truth.root) {
+        (Some(set), Some(root)) => set.dataset().attributes(root)?,
+        _ => Default::default(),
+    };
+    let missing = if args.partial { Missing::Skip } else { Missing::Refuse };
+    let rule = args.convention.convention();
+    let mut comparison = Comparison::read(&annotations, &opened?, rule, missing, attributes, &mut notes)?;
+    if !args.names.is_empty() {
+        let (given, wanted) = (args.names.len(), comparison.trackers.len());
+        if given != wanted {
+            let expected = format!("{wanted} names, one per folder of results");
+            return Err(Error::Option { option: "--names", expected, found: given.to_string() });
+        }
+        let pairs = comparison.trackers.iter_mut().zip(&args.names);
+        pairs.for_each(|(tracker, name)| tracker.tracker.clone_from(name));
+    }
+    eprint!("{notes}");
+    Ok(comparison)
+}
+
+/// Prints tables and writes plots.
+pub fn compare(args: &CompareArgs) -> Result<(), Error> {
+    let comparison = read(&args.trackers)?;
+    let plots = [
+        ("precision.svg", Some(comparison.precision_plot())),
+        ("success.svg", Some(comparison.success_plot())),
+        ("speed.svg", comparison.speed_plot()),
+        ("attributes.svg", comparison.attribute_plot()),
+    ];
+    if let Some(folder) = &args.out {
+        fs::create_dir_all(folder).map_err(Error::unwritable(folder))?;
+        for (file, plot) in plots {
+            plot.map(|plot| results::write_whole(&folder.join(file), &plot)).transpose()?;
+        }
+    }
+    super::print(&tables(&comparison))
+}
+
+/// Writes the page.
+pub fn report(args: &ReportArgs) -> Result<(), Error> {
+    let comparison = read(&args.trackers)?;
+    let failures = match (args.trackers.truth.dataset, &args.trackers.truth.root) {
+        (Some(set), Some(root)) if args.failures > 0 => {
+            let sequences = set.dataset().load(root, &mut Notes::default())?;
+            report::failures(&comparison, &sequences, args.failures)?
+        }
+        _ => Vec::new(),
+    };
+    let file = &args.out;
+    results::write_whole(file, &report::page(&args.title, &comparison, &failures))?;
+    eprintln!("{}", file.display());
+    Ok(())
+}
+
+fn tables(comparison: &Comparison) -> String {
+    let names: Vec<&str> = comparison.trackers.iter().map(|t| t.tracker.as_str()).collect();
+    let mut table = Table::new([
+        "tracker",
+        "precision@20",
+        "AUC",
+        "norm. precision",
+        "FPS (mean of rates)",
+        "FPS (frames / time)",
+    ]);
+    for i in comparison.ranking() {
+        let (score, speed) = (&comparison.scores[i], comparison.trackers[i].speed);
+        let mut row = vec![names[i].to_owned()];
+        row.extend([score.precision, score.auc, score.norm_precision].map(|v| format!("{v:.2}")));
+        let rates = speed.map(|s| [s.mean_of_rates, s.frames_per_time].map(|v| format!("{v:.1}")));
+        row.extend(rates.unwrap_or_else(|| ["-", "-"].map(str::to_owned)));
+        table.row(row);
+    }
+    let mut text = format!("rule {}\n{table}", comparison.convention.name());
+    let cells = |pairs: &[Pair]| -> Vec<String> {
+        let deltas = pairs.iter().skip(1).map(|p| format!("{:+.1}", p.auc - pairs[0].auc));
+        pairs.iter().take(1).map(|p| format!("{:.1}", p.auc)).chain(deltas).collect()
+    };
+    let header = |first: &str| {
+        let mut table = Table::new([first]);
+        table.extend_header(names.iter().map(|name| (*name).to_owned()));
+        table
+    };
+    let attributes = comparison.per_attribute();
+    if !attributes.is_empty() {
+        let mut table = header("AUC per attribute, then differences to the first");
+        attributes.iter().for_each(|(name, count, pairs)| {
+            table.row([format!("{name} ({count})")].into_iter().chain(cells(pairs)));
+        });
+        text += &format!("\n{table}");
+    }
+    let mut table = header("AUC per sequence, then differences to the first");
+    comparison.per_sequence().iter().for_each(|(name, pairs)| {
+        table.row([name.clone()].into_iter().chain(cells(pairs)));
+    });
+    text + &format!("\n{table}")
+}

@@ -1,0 +1,236 @@
+//! Plots as SVG: curves, points, radars. They stand alone and may be set into a page.
+
+use std::fmt::Write;
+
+/// One tracker's line or polygon.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// What the legend says.
+    pub label: String,
+    /// Points in data units.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// What a plot is about.
+#[derive(Clone, Copy, Debug)]
+pub struct Axes<'a> {
+    /// Above the plot.
+    pub title: &'a str,
+    /// Below it.
+    pub x: &'a str,
+    /// Beside it.
+    pub y: &'a str,
+    /// The right end of the horizontal axis, which starts at 0.
+    pub x_max: f64,
+    /// The upper end of the vertical axis, which starts at 0.
+    pub y_max: f64,
+}
+
+const WIDTH: f64 = 560.0;
+const HEIGHT: f64 = 400.0;
+const LEFT: f64 = 58.0;
+const TOP: f64 = 38.0;
+const INNER_WIDTH: f64 = WIDTH - LEFT - 16.0;
+const INNER_HEIGHT: f64 = HEIGHT - TOP - 52.0;
+
+/// Colours that are told apart by most eyes (Okabe and Ito), then repeated with dashes.
+const COLOURS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c8c8c"];
+
+/// The colour of tracker `i`.
+pub fn colour(i: usize) -> &'static str {
+    COLOURS[i % COLOURS.len()]
+}
+
+/// Curves with a legend at the bottom, at the left or right, where room is.
+pub fn lines(axes: &Axes<'_>, series: &[Series], legend_left: bool) -> String {
+    let mut svg = frame(axes);
+    for (i, line) in series.iter().enumerate() {
+        let points: Vec<String> = line.points.iter().map(|p| place(axes, *p)).collect();
+        let dash = if i < COLOURS.len() { "" } else { " stroke-dasharray=\"6 4\"" };
+        let _ = writeln!(
+            svg,
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"{dash}/>",
+            points.join(" "),
+            colour(i)
+        );
+    }
+    let x = LEFT + if legend_left { 14.0 } else { INNER_WIDTH * 0.55 };
+    let bottom = TOP + INNER_HEIGHT - 17.0 * series.len() as f64 - 4.0;
+    legend(&mut svg, series, x, bottom.max(TOP + 16.0));
+    svg + "</svg>\n"
+}
+
+/// One labelled point per series.
+pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
+    let mut svg = frame(axes);
+    for (i, point) in series.iter().enumerate() {
+        for p in &point.points {
+            let at = place(axes, *p);
+            let (x, y) = at.split_once(',').unwrap_or(("0", "0"));
+            let end = p.0 > axes.x_max * 0.7;
+            let (anchor, offset) = if end { ("end", -9) } else { ("start", 9) };
+            let _ = writeln!(
+                svg,
+                "<circle cx=\"{x}\" cy=\"{y}\" r=\"6\" fill=\"{}\"/>\
+                 <text x=\"{x}\" y=\"{y}\" dx=\"{offset}\" dy=\"-7\" text-anchor=\"{anchor}\">{}</text>",
+                colour(i),
+                escape(&point.label)
+            );
+        }
+    }
+    svg + "</svg>\n"
+}
+
+/// A polygon per series over spokes; values in percent of the radius.
+pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
+    let (cx, cy, radius) = (WIDTH / 2.0, HEIGHT / 2.0 + 8.0, 118.0);
+    let at = |i: usize, percent: f64| {
+        let angle = std::f64::consts::TAU * i as f64 / spokes.len() as f64;
+        let r = radius * percent / 100.0;
+        (cx + r * angle.sin(), cy - r * angle.cos())
+    };
+    let ring = |values: &dyn Fn(usize) -> f64| {
+        let corner = |i| {
+            let (x, y) = at(i, values(i));
+            format!("{x:.1},{y:.1}")
+        };
+        (0..spokes.len()).map(corner).collect::<Vec<_>>().join(" ")
+    };
+    let mut svg = open(title);
+    for percent in [25.0, 50.0, 75.0, 100.0] {
+        let _ = writeln!(svg, "<polygon points=\"{}\" class=\"grid\" fill=\"none\"/>", ring(&|_| percent));
+    }
+    for (i, spoke) in spokes.iter().enumerate() {
+        let (x, y) = at(i, 110.0);
+        let anchor = match x - cx {
+            d if d > 10.0 => "start",
+            d if d < -10.0 => "end",
+            _ => "middle",
+        };
+        let _ = writeln!(
+            svg,
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>",
+            escape(spoke)
+        );
+    }
+    for (s, line) in series.iter().enumerate() {
+        let value = |i: usize| line.points.get(i).map_or(0.0, |p| p.1);
+        let _ = writeln!(
+            svg,
+            "<polygon points=\"{}\" fill=\"{1}\" fill-opacity=\"0.08\" stroke=\"{1}\" stroke-width=\"2\"/>",
+            ring(&value),
+            colour(s)
+        );
+    }
+    legend(&mut svg, series, 10.0, TOP);
+    svg + "</svg>\n"
+}
+
+/// Text that markup cannot break.
+pub fn escape(text: &str) -> String {
+    let mut escaped = String::new();
+    for c in text.chars() {
+        match c {
+            '&' => escaped += "&amp;",
+            '<' => escaped += "&lt;",
+            '>' => escaped += "&gt;",
+            '"' => escaped += "&quot;",
+            '\'' => escaped += "&#39;",
+            c if c.is_control() => escaped.push('\u{fffd}'),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+fn open(title: &str) -> String {
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
+         font-family=\"system-ui, sans-serif\" font-size=\"12\" fill=\"currentColor\">\n\
+         <style>.grid {{ stroke: currentColor; stroke-opacity: 0.18 }}</style>\n\
+         <title>{0}</title>\n<text x=\"{1}\" y=\"22\" text-anchor=\"middle\" font-size=\"15\">{0}</text>\n",
+        escape(title),
+        WIDTH / 2.0
+    )
+}
+
+/// Title, grid, numbers and labels.
+fn frame(axes: &Axes<'_>) -> String {
+    let mut svg = open(axes.title);
+    for i in 0..=5 {
+        let part = f64::from(i) / 5.0;
+        let (x, y) = (LEFT + INNER_WIDTH * part, TOP + INNER_HEIGHT * (1.0 - part));
+        let (right, bottom) = (LEFT + INNER_WIDTH, TOP + INNER_HEIGHT);
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{LEFT} {y}H{right}M{x} {TOP}V{bottom}\" class=\"grid\"/>\
+             <text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
+             <text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
+            bottom + 17.0,
+            tick(axes.x_max * part),
+            LEFT - 7.0,
+            y + 4.0,
+            tick(axes.y_max * part)
+        );
+    }
+    let _ = writeln!(
+        svg,
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
+         <text transform=\"translate(15 {}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+        LEFT + INNER_WIDTH / 2.0,
+        HEIGHT - 12.0,
+        escape(axes.x),
+        TOP + INNER_HEIGHT / 2.0,
+        escape(axes.y)
+    );
+    svg
+}
+
+fn tick(value: f64) -> String {
+    let text = format!("{value:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+fn place(axes: &Axes<'_>, (x, y): (f64, f64)) -> String {
+    let x = LEFT + INNER_WIDTH * (x / axes.x_max).clamp(0.0, 1.0);
+    format!("{x:.1},{:.1}", TOP + INNER_HEIGHT * (1.0 - (y / axes.y_max).clamp(0.0, 1.0)))
+}
+
+fn legend(svg: &mut String, series: &[Series], x: f64, y: f64) {
+    let longest = series.iter().map(|line| line.label.chars().count()).max().unwrap_or(0);
+    let (width, height) = (34.0 + 6.5 * longest as f64, 17.0 * series.len() as f64 + 6.0);
+    let _ = writeln!(
+        svg,
+        "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" rx=\"4\" fill=\"Canvas\" fill-opacity=\"0.8\"/>",
+        x - 6.0,
+        y - 15.0
+    );
+    for (i, line) in series.iter().enumerate() {
+        let y = y + 17.0 * i as f64;
+        let _ = writeln!(
+            svg,
+            "<rect x=\"{x}\" y=\"{}\" width=\"18\" height=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"{y}\">{}</text>",
+            y - 6.0,
+            colour(i),
+            x + 24.0,
+            escape(&line.label)
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn curves_stay_inside_and_names_are_escaped() {
+        let axes = Axes { title: "t", x: "x", y: "y", x_max: 50.0, y_max: 1.0 };
+        let series = [Series { label: "<a&b>".into(), points: vec![(0.0, 0.0), (50.0, 1.0), (99.0, 9.0)] }];
+        let svg = lines(&axes, &series, false);
+        assert!(svg.contains("points=\"58.0,348.0 544.0,38.0 544.0,38.0\""), "{svg}");
+        assert!(svg.contains("&lt;a&amp;b&gt;") && svg.ends_with("</svg>\n"));
+        assert!(points(&axes, &series).matches("<circle").count() == 3);
+        assert!(radar("r", &["one".into(), "two".into(), "three".into()], &series).contains(">three</text>"));
+    }
+}

@@ -1,0 +1,163 @@
+//! Where the first tracker of a comparison failed worst, in pictures.
+
+use crate::bbox::BBox;
+use crate::compare::Comparison;
+use crate::dataset::Sequence;
+use crate::error::Error;
+use crate::run::decode;
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, RgbImage, imageops};
+use track_cpu::ChannelOrder;
+
+/// Widest picture in the page.
+const WIDTH: u32 = 480;
+/// Overlap below which the target is lost.
+const LOST: f64 = 0.1;
+/// Quality of the pictures, of 100.
+const QUALITY: u8 = 72;
+
+/// The longest stretch for which a target was lost, by one picture from its middle.
+#[derive(Clone, Debug)]
+pub struct Failure {
+    /// The sequence.
+    pub sequence: String,
+    /// The frame shown, 0-based.
+    pub frame: usize,
+    /// Frames in the sequence.
+    pub frames: usize,
+    /// Frames in the stretch.
+    pub lost: usize,
+    /// The first tracker's AUC on the sequence, in percent.
+    pub auc: f64,
+    /// Width of the frame in pixels.
+    pub width: usize,
+    /// Height of the frame in pixels.
+    pub height: usize,
+    /// The annotation in this frame.
+    pub annotated: BBox,
+    /// Each tracker's box in this frame.
+    pub found: Vec<BBox>,
+    /// The frame, made smaller, as JPEG in base 64.
+    pub jpeg: String,
+}
+
+/// The failures of the `count` sequences on which the first tracker has the lowest AUC, lowest first.
+///
+/// # Errors
+/// If a frame to be shown cannot be read.
+pub fn failures(
+    comparison: &Comparison,
+    sequences: &[Sequence],
+    count: usize,
+) -> Result<Vec<Failure>, Error> {
+    let Some(first) = comparison.scores.first() else { return Ok(Vec::new()) };
+    let mut order: Vec<_> = first.per_sequence.iter().collect();
+    order.sort_by(|a, b| a.1.auc().total_cmp(&b.1.auc()));
+    let mut failures = Vec::new();
+    for (name, curves) in order {
+        if failures.len() == count {
+            break;
+        }
+        let Some(sequence) = sequences.iter().find(|s| s.annotation.name == *name) else { continue };
+        if let Some(failure) = failure(comparison, sequence, 100.0 * curves.auc())? {
+            failures.push(failure);
+        }
+    }
+    Ok(failures)
+}
+
+fn failure(comparison: &Comparison, sequence: &Sequence, auc: f64) -> Result<Option<Failure>, Error> {
+    let name = &sequence.annotation.name;
+    let of = |t: usize| comparison.trackers[t].sequences.iter().find(|s| s.annotation.name == *name);
+    let Some(first) = of(0) else { return Ok(None) };
+    let judged = comparison.convention.judge(&first.annotation, &first.boxes);
+    let is_lost: Vec<bool> =
+        judged.iter().map(|j| j.is_some_and(|j| j.overlap < LOST && j.error >= 0.0)).collect();
+    let Some((start, lost)) = longest(&is_lost) else { return Ok(None) };
+    let frame = start + lost / 2;
+    let Some(path) = sequence.frames.get(frame) else { return Ok(None) };
+    let unreadable = |reason: String| Error::Sequence { sequence: name.clone(), reason };
+    let picture = decode(path).map_err(unreadable)?;
+    let (width, height) = (picture.width, picture.height);
+    let jpeg = jpeg(&picture).ok_or_else(|| unreadable(format!("{}: cannot be encoded", path.display())))?;
+    let boxes = |t| of(t).and_then(|s| s.boxes.get(frame).copied()).unwrap_or_default();
+    Ok(Some(Failure {
+        sequence: name.clone(),
+        frame,
+        frames: judged.len(),
+        lost,
+        auc,
+        width,
+        height,
+        annotated: first.annotation.boxes[frame],
+        found: (0..comparison.trackers.len()).map(boxes).collect(),
+        jpeg: base64(&jpeg),
+    }))
+}
+
+/// Start and length of the longest run of `true`.
+fn longest(flags: &[bool]) -> Option<(usize, usize)> {
+    let (mut best, mut start) = (None::<(usize, usize)>, 0);
+    for (i, flag) in flags.iter().enumerate() {
+        if !flag {
+            start = i + 1;
+        } else if best.is_none_or(|(_, length)| i + 1 - start > length) {
+            best = Some((start, i + 1 - start));
+        }
+    }
+    best
+}
+
+/// The picture, made smaller, as JPEG.
+fn jpeg(picture: &track_cpu::source::Image) -> Option<Vec<u8>> {
+    let bytes = picture.data.chunks_exact(picture.data.len() / (picture.width * picture.height));
+    let rgb: Vec<u8> = match picture.order {
+        ChannelOrder::Gray => bytes.flat_map(|p| [p[0]; 3]).collect(),
+        ChannelOrder::Rgb | ChannelOrder::Rgba => bytes.flat_map(|p| [p[0], p[1], p[2]]).collect(),
+        ChannelOrder::Bgr | ChannelOrder::Bgra => bytes.flat_map(|p| [p[2], p[1], p[0]]).collect(),
+    };
+    let (width, height) = (u32::try_from(picture.width).ok()?, u32::try_from(picture.height).ok()?);
+    let full = RgbImage::from_raw(width, height, rgb)?;
+    let small = match width > WIDTH {
+        true => imageops::thumbnail(&full, WIDTH, (height * WIDTH / width).max(1)),
+        false => full,
+    };
+    let mut bytes = Vec::new();
+    let mut encoder = JpegEncoder::new_with_quality(&mut bytes, QUALITY);
+    encoder.encode(&small, small.width(), small.height(), ExtendedColorType::Rgb8).ok()?;
+    Some(bytes)
+}
+
+/// Base 64 as in RFC 4648, padded.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let byte = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for i in 0..4 {
+            let digit = DIGITS[(bits >> (18 - 6 * i)) as usize & 63] as char;
+            text.push(if i <= chunk.len() { digit } else { '=' });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_of_the_rfc() {
+        let cases = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg==")];
+        cases.iter().for_each(|(plain, coded)| assert_eq!(base64(plain.as_bytes()), *coded));
+        assert_eq!(base64(&[0xfb, 0xff, 0xfe]), "+//+");
+    }
+
+    #[test]
+    fn longest_run() {
+        assert_eq!(longest(&[false, true, false, true, true, true, false, true]), Some((3, 3)));
+        assert_eq!(longest(&[true, true]), Some((0, 2)));
+        assert_eq!(longest(&[false]), None);
+    }
+}

@@ -1,0 +1,86 @@
+//! The programs `ope run`, `merge`, `compare`, `report` and `export`, one after the other on a small benchmark.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const ECHO: &str = "sh -c 'for f in $(cat {frames}); do echo {init}; echo 0.01 >> {times}; done'";
+
+/// Three sequences of three frames each, whose pictures nobody opens.
+fn benchmark(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    for sequence in ["a", "b", "c"] {
+        let at = folder.join("data").join(sequence);
+        fs::create_dir_all(at.join("img")).unwrap();
+        fs::write(at.join("groundtruth_rect.txt"), "10\t10\t20\t20\n".repeat(3)).unwrap();
+        (1..=3).for_each(|i| fs::write(at.join(format!("img/{i:04}.jpg")), "").unwrap());
+    }
+    folder
+}
+
+/// Runs `ope` and returns its exit code, standard output and standard error.
+fn ope(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
+    let out = Command::new(env!("CARGO_BIN_EXE_ope")).current_dir(folder).args(args).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (out.status.code(), text(out.stdout), text(out.stderr))
+}
+
+#[test]
+fn from_run_to_page() {
+    let folder = benchmark("programs");
+    let data = ["--dataset", "folder", "--root", "data"];
+    let with = |before: &[&'static str], after: &[&'static str]| {
+        let args: Vec<&str> = before.iter().chain(&data).chain(after).copied().collect();
+        ope(&folder, &args)
+    };
+    let (code, _, told) = with(&["run"], &["--out", "whole", "--name", "still", "--tracker", ECHO]);
+    assert_eq!(code, Some(0), "{told}");
+    let (_, _, told) = with(&["run"], &["--out", "whole", "--name", "still", "--tracker", "false"]);
+    assert!(told.starts_with("0 sequences run"), "{told}");
+    for shard in ["1/2", "2/2"] {
+        let out = if shard == "1/2" { "one" } else { "two" };
+        let (code, _, told) =
+            with(&["run"], &["--out", out, "--name", "still", "--tracker", ECHO, "--shard", shard]);
+        assert_eq!(code, Some(0), "{told}");
+    }
+    let merge = ["merge", "one/folder/still", "two/folder/still", "--out", "merged/still too"];
+    assert_eq!(ope(&folder, &merge).0, Some(0));
+    for sequence in ["a", "b", "c"] {
+        let read = |at: &str| fs::read(folder.join(at).join(format!("{sequence}.txt"))).unwrap();
+        assert_eq!(read("whole/folder/still"), read("merged/still too"));
+    }
+    let both = ["whole/folder/still", "merged/still too"];
+    let (code, table, told) = with(&["compare", "--out", "plots"], &both);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(table.contains("still too        100.00  95.24"), "{table}");
+    assert!(folder.join("plots/speed.svg").is_file() && !folder.join("plots/attributes.svg").exists());
+    let (code, _, told) = with(&["report", "--out", "page.html"], &both);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(fs::read_to_string(folder.join("page.html")).unwrap().contains("still too"));
+    let export = ["export", "--results", "whole/folder/still", "--to", "pysot", "--dataset", "otb100"];
+    assert_eq!(ope(&folder, &[&export[..], &["--out", "exported"]].concat()).0, Some(0));
+    assert!(folder.join("exported/still/a.txt").is_file());
+}
+
+#[test]
+fn bad_options_and_inputs() {
+    let folder = benchmark("bad-programs");
+    let run = ["run", "--dataset", "folder", "--root", "data", "--out", "out"];
+    for (more, code, part) in [
+        (&["--shard", "3/2"][..], 2, "i from 1 to n"),
+        (&["--tracker", "'x"], 2, "quote"),
+        (&["--name", "../x"], 3, "--name: expected a name for a folder"),
+        (&["--model", "data/a/groundtruth_rect.txt"], 3, "groundtruth_rect.txt"),
+        (&["--tracker", "false"], 3, "3 of 3 sequences failed"),
+        (&["--jobs", "1"], 3, "a/img/0001.jpg"),
+    ] {
+        let (found, _, told) = ope(&folder, &[&run[..], more].concat());
+        assert_eq!(found, Some(code), "{told}");
+        assert!(told.contains(part), "{told}");
+    }
+    let (code, _, told) = ope(&folder, &["score", "--results", "data"]);
+    assert_eq!(code, Some(2), "{told}");
+    let (code, _, told) = ope(&folder, &["score", "--annotations", "data", "--results", "data"]);
+    assert!(code == Some(3) && told.contains("expected results of 3 sequences"), "{told}");
+}
