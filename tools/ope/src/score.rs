@@ -108,9 +108,9 @@ impl Evaluation {
                 notes.add(format!("{tracker}: results of {name}, which is not annotated, are not used"));
             }
         }
-        let timed = times.iter().flatten().filter(|t| !(**t > 0.0 && t.is_finite())).count();
-        if timed > 0 {
-            notes.add(format!("{tracker}: {timed} times are not above 0 and do not count"));
+        let uncounted = times.iter().flatten().filter(|t| !(**t > 0.0 && t.is_finite())).count();
+        if uncounted > 0 {
+            notes.add(format!("{tracker}: {uncounted} times are not above 0 and do not count"));
         }
         let speed = Speed::of(times.iter().map(Vec::as_slice));
         Ok(Evaluation { tracker, sequences, speed })
