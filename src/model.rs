@@ -50,7 +50,8 @@ static BUILTIN: &[u8] = include_bytes!("builtin/drmim-p50.safetensors");
 impl Model {
     /// The model that travels in the program.
     pub fn builtin(isa: Isa) -> Model {
-        Model::from_weights(&Model::builtin_weights(), isa).expect("the built-in weights fit their architecture")
+        Model::from_weights(&Model::builtin_weights(), isa)
+            .expect("the built-in weights fit their architecture")
     }
 
     /// The weights of the model that travels in the program.
