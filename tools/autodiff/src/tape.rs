@@ -37,7 +37,7 @@ pub struct Tape<'a> {
     nodes: Vec<Node>,
     leaves: HashMap<ParameterId, Var>,
     gradients: Vec<Option<Tensor>>, // of the nodes, while going backwards
-    /// Convolutions whose weights are laid out already, by weight and direction.
+    /// Convolutions whose weights are laid out already, by weight, direction and algorithm.
     pub(crate) packed: HashMap<(Var, Direction, Algorithm), Arc<Conv>>,
 }
 

@@ -22,8 +22,11 @@ use kernels::simd::{Kernel, Simd};
 /// Images that are summed before the parts are: few enough to keep threads busy, enough to make the sum over parts cheap.
 const PART_IMAGES: usize = 4;
 
+/// Output channels that are summed together at the end: a cache line of them.
+const CHANNELS: usize = 16;
+
 /// Output positions of one strip, if a row is not longer.
-const STRIP: usize = 192;
+const STRIP: usize = 128;
 
 /// The gradient of `[Cout, k, k, Cin]`, for an input `x` and the `gradient` of the output.
 pub(super) fn weight_gradient(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient: &Tensor) -> Tensor {
@@ -51,9 +54,12 @@ pub(super) fn weight_gradient(compute: &Compute, shape: &ConvShape, x: &Tensor, 
         }
     });
     let mut out = compute.tensor(&[channels, shape.kernel, shape.kernel, shape.in_channels]);
-    compute.each(out.data_mut(), window, |o, out| {
-        for (j, out) in out.iter_mut().enumerate() {
-            *out = sums.data().iter().skip(j * channels + o).step_by(window * channels).sum();
+    compute.each(out.data_mut(), CHANNELS * window, |block, out| {
+        for j in 0..window {
+            let first = j * channels + block * CHANNELS;
+            for (o, out) in out[j..].iter_mut().step_by(window).enumerate() {
+                *out = sums.data()[first + o..].iter().step_by(window * channels).sum();
+            }
         }
     });
     compute.recycle(sums);
@@ -78,29 +84,37 @@ impl Kernel for WeightGradient<'_> {
         let WeightGradient { shape, input, size, gradient, width, out } = self;
         let (channels, row_len) = (shape.out_channels, shape.kernel * shape.in_channels);
         let input_row = size.w * shape.in_channels;
-        let vectors = channels.div_ceil(S::LANES);
-        let tiles = row_len.div_ceil(S::TILE_PIXELS[vectors.min(3)]);
+        let all_vectors = channels.div_ceil(S::LANES);
+        let tiles = row_len.div_ceil(S::TILE_PIXELS[all_vectors.min(3)]);
         let strip_rows = (STRIP / width).max(1);
+        let mut packed = vec![0.0; strip_rows * width * 3 * S::LANES];
         for (strip, gradient) in gradient.chunks(strip_rows * width * channels).enumerate() {
-            for first_vector in (0..vectors).step_by(3) {
+            for first_vector in (0..all_vectors).step_by(3) {
+                let vectors = (all_vectors - first_vector).min(3);
                 let first = first_vector * S::LANES;
+                let used = (channels - first).min(vectors * S::LANES);
+                let packed = &mut packed[..gradient.len() / channels * vectors * S::LANES];
+                for (to, from) in
+                    packed.chunks_exact_mut(vectors * S::LANES).zip(gradient.chunks_exact(channels))
+                {
+                    to[..used].copy_from_slice(&from[first..][..used]);
+                }
                 for (ky, out) in out.chunks_exact_mut(row_len * channels).enumerate() {
                     let mut j = 0;
                     for i in 0..tiles {
-                        let width_j = row_len / tiles + usize::from(i < row_len % tiles);
+                        let inputs = row_len / tiles + usize::from(i < row_len % tiles);
                         let args = Tile {
-                            input: &input[(strip * strip_rows * shape.stride + ky) * input_row..],
+                            input: &input[(strip * strip_rows * shape.stride + ky) * input_row + j..],
                             input_row: shape.stride * input_row,
                             input_step: shape.stride * shape.in_channels,
-                            j,
-                            gradient,
+                            gradient: packed,
                             width,
-                            channels,
-                            first,
-                            out: &mut out[j * channels..],
+                            out: &mut out[j * channels + first..],
+                            out_step: channels,
+                            used,
                         };
-                        args.dispatch(simd, width_j, (vectors - first_vector).min(3));
-                        j += width_j;
+                        args.dispatch(simd, inputs, vectors);
+                        j += inputs;
                     }
                 }
             }
@@ -110,15 +124,14 @@ impl Kernel for WeightGradient<'_> {
 
 /// One register tile: neighbouring inputs of a window's row x a block of output channels.
 struct Tile<'a> {
-    input: &'a [f32],    // from the first position's row of the window on
+    input: &'a [f32],    // from the first position's first input on
     input_row: usize,    // from one output row's to the next one's
     input_step: usize,   // from one position's to the next one's
-    j: usize,            // first input of the tile
-    gradient: &'a [f32], // [rows, width, channels]
+    gradient: &'a [f32], // [rows, width, VECTORS * LANES]
     width: usize,
-    channels: usize,
-    first: usize,       // first channel of the block
-    out: &'a mut [f32], // [inputs, channels], added to
+    out: &'a mut [f32], // from the first input's first channel on, added to
+    out_step: usize,    // from one input to the next
+    used: usize,        // channels of the block that exist
 }
 
 impl Tile<'_> {
@@ -146,16 +159,14 @@ impl Tile<'_> {
         if INPUTS > S::TILE_PIXELS[VECTORS] {
             unreachable!("more than the registers hold");
         }
-        let whole = self.first + VECTORS * S::LANES <= self.channels;
         let mut sums = [[simd.zero(); VECTORS]; INPUTS];
-        for (y, gradient) in self.gradient.chunks_exact(self.width * self.channels).enumerate() {
-            let input = &self.input[y * self.input_row + self.j..];
-            for (x, gradient) in gradient[self.first..].chunks(self.channels).enumerate() {
+        for (y, gradient) in self.gradient.chunks_exact(self.width * VECTORS * S::LANES).enumerate() {
+            let input = &self.input[y * self.input_row..];
+            for (x, gradient) in gradient.chunks_exact(VECTORS * S::LANES).enumerate() {
                 let input = &input[x * self.input_step..][..INPUTS];
                 let mut g = [simd.zero(); VECTORS];
                 for v in 0..VECTORS {
-                    let from = &gradient[v * S::LANES..];
-                    g[v] = if whole { simd.load(from) } else { simd.load_partial(from) };
+                    g[v] = simd.load(&gradient[v * S::LANES..]);
                 }
                 for i in 0..INPUTS {
                     let x = simd.splat(input[i]);
@@ -165,10 +176,10 @@ impl Tile<'_> {
                 }
             }
         }
-        for (sums, out) in sums.iter().zip(self.out.chunks_mut(self.channels)) {
-            for (v, sum) in sums.iter().enumerate() {
-                let out = &mut out[self.first + v * S::LANES..];
-                if whole {
+        for (sums, out) in sums.iter().zip(self.out.chunks_mut(self.out_step)) {
+            let out = &mut out[..self.used];
+            for (sum, out) in sums.iter().zip(out.chunks_mut(S::LANES)) {
+                if out.len() == S::LANES {
                     simd.store(simd.add(*sum, simd.load(out)), out);
                 } else {
                     simd.store_partial(simd.add(*sum, simd.load_partial(out)), out);
