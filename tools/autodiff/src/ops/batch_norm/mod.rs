@@ -10,11 +10,12 @@
 //! - training: `dx = a (g - dbeta / m - n dgamma / m)`; evaluation: `dx = a g`.
 
 mod moments;
+mod passes;
 
 use crate::tape::Operation;
 use crate::{Mode, ParameterId, Tape, Tensor, Var};
-use kernels::simd::{Kernel, Simd};
 use moments::Moments;
+use passes::{Affine, Differentiate, Normalise, Sums};
 
 const EPSILON: f64 = 1e-5;
 const MOMENTUM: f64 = 0.1;
@@ -26,15 +27,6 @@ pub struct RunningStatistics {
     pub mean: ParameterId,
     /// The unbiased variance.
     pub variance: ParameterId,
-}
-
-/// `y = a (x - mean) + b`, per channel, and ReLU: what both directions need.
-#[derive(Clone, Debug)]
-struct Affine {
-    mean: Vec<f32>,
-    a: Vec<f32>,
-    b: Vec<f32>,
-    relu: bool,
 }
 
 struct BatchNorm {
@@ -107,35 +99,9 @@ fn follow(running: &mut [f32], batch: impl Iterator<Item = f64>) {
     }
 }
 
-/// Rows that are summed in `f32` before their sum is added in `f64`.
-const BLOCK: usize = 64;
-
 /// Values of one image, or of one row where there are no positions: what a thread takes at a time.
 fn part_len(x: &Tensor) -> usize {
     x.data().len() / x.shape()[0]
-}
-
-/// `out = a (x - mean) + b`, and ReLU.
-struct Normalise<'a> {
-    affine: &'a Affine,
-    x: &'a [f32],
-    out: &'a mut [f32],
-}
-
-impl Kernel for Normalise<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let Affine { mean, a, b, relu } = self.affine;
-        let floor = if *relu { 0.0 } else { f32::NEG_INFINITY };
-        let channels = mean.len();
-        for (out, x) in self.out.chunks_exact_mut(channels).zip(self.x.chunks_exact(channels)) {
-            for ((((out, x), mean), a), b) in out.iter_mut().zip(x).zip(mean).zip(a).zip(b) {
-                *out = (a * (x - mean) + b).max(floor);
-            }
-        }
-    }
 }
 
 impl Operation for BatchNorm {
@@ -179,71 +145,6 @@ impl Operation for BatchNorm {
         let vector = |values: &[f64]| Tensor::new(&[channels], values.iter().map(|v| *v as f32).collect());
         tape.add_gradient(self.gamma, vector(&gamma));
         tape.add_gradient(self.beta, vector(&beta));
-    }
-}
-
-/// Zeroes the gradient where ReLU was, and adds its sums `[g, g (x - mean)]` to `sums`.
-struct Sums<'a> {
-    affine: &'a Affine,
-    x: &'a [f32],
-    gradient: &'a mut [f32],
-    sums: &'a mut [f64], // [2, channels]
-}
-
-impl Kernel for Sums<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let Affine { mean, a, b, relu } = self.affine;
-        let channels = mean.len();
-        let floor = if *relu { 0.0 } else { f32::NEG_INFINITY };
-        let (all, all_products) = self.sums.split_at_mut(channels);
-        let (mut sum, mut products) = (vec![0.0f32; channels], vec![0.0f32; channels]);
-        let len = BLOCK * channels;
-        for (gradient, x) in self.gradient.chunks_mut(len).zip(self.x.chunks(len)) {
-            sum.fill(0.0);
-            products.fill(0.0);
-            for (gradient, x) in gradient.chunks_exact_mut(channels).zip(x.chunks_exact(channels)) {
-                let sums = sum.iter_mut().zip(&mut products);
-                let affine = mean.iter().zip(a).zip(b);
-                for (((g, x), (sum, product)), ((mean, a), b)) in
-                    gradient.iter_mut().zip(x).zip(sums).zip(affine)
-                {
-                    let distance = x - mean;
-                    *g = if a * distance + b > floor { *g } else { 0.0 };
-                    *sum += *g;
-                    *product += *g * distance;
-                }
-            }
-            all.iter_mut().zip(&sum).for_each(|(all, sum)| *all += f64::from(*sum));
-            all_products.iter_mut().zip(&products).for_each(|(all, sum)| *all += f64::from(*sum));
-        }
-    }
-}
-
-/// `g = a (g - shift - slope (x - mean))`.
-struct Differentiate<'a> {
-    affine: &'a Affine,
-    shift: &'a [f32], // [channels]
-    slope: &'a [f32], // [channels]
-    x: &'a [f32],
-    gradient: &'a mut [f32],
-}
-
-impl Kernel for Differentiate<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
-        let Affine { mean, a, .. } = self.affine;
-        let channels = mean.len();
-        for (gradient, x) in self.gradient.chunks_exact_mut(channels).zip(self.x.chunks_exact(channels)) {
-            let constants = mean.iter().zip(a).zip(self.shift).zip(self.slope);
-            for ((g, x), (((mean, a), shift), slope)) in gradient.iter_mut().zip(x).zip(constants) {
-                *g = a * (*g - shift - slope * (x - mean));
-            }
-        }
     }
 }
 
