@@ -198,3 +198,71 @@ fn add(compute: &Compute, sum: &mut Option<Tensor>, share: Tensor) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `w x` and its gradients, with `w` frozen or not.
+    fn step(parameters: &mut Parameters, w: ParameterId) -> Gradients {
+        let compute = Compute::new(1).unwrap();
+        let mut tape = Tape::new(&compute, parameters, Mode::Training);
+        let x = tape.input(Tensor::new(&[1, 2], vec![3.0, 5.0]));
+        let unused = tape.input(Tensor::scalar(1.0));
+        let (w, bias) = (tape.parameter(w), tape.constant(Tensor::zeros(&[1])));
+        let y = tape.linear(x, w, bias);
+        let loss = tape.sum(y);
+        let gradients = tape.backward(loss);
+        assert!(gradients.get(unused).is_none());
+        assert_eq!(gradients.get(x).unwrap().data(), [2.0, 7.0]);
+        gradients
+    }
+
+    #[test]
+    fn gradients_add_up_until_they_are_cleared() {
+        let mut parameters = Parameters::new();
+        let w = parameters.add("w", Tensor::new(&[1, 2], vec![2.0, 7.0]));
+        for times in [1.0, 2.0] {
+            step(&mut parameters, w);
+            assert_eq!(parameters[w].gradient.as_ref().unwrap().data(), [3.0 * times, 5.0 * times]);
+        }
+        parameters.clear_gradients();
+        assert!(parameters[w].gradient.is_none());
+    }
+
+    #[test]
+    fn frozen_parameters_get_no_gradient() {
+        let mut parameters = Parameters::new();
+        let w = parameters.add("w", Tensor::new(&[1, 2], vec![2.0, 7.0]));
+        parameters[w].frozen = true;
+        step(&mut parameters, w);
+        assert!(parameters[w].gradient.is_none());
+    }
+
+    #[test]
+    fn what_needs_no_gradient_records_no_operation() {
+        let compute = Compute::new(1).unwrap();
+        let mut parameters = Parameters::new();
+        let w = parameters.add("w", Tensor::scalar(2.0));
+        let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
+        let x = tape.constant(Tensor::scalar(1.0));
+        let y = tape.exp(x);
+        let w_var = tape.parameter(w);
+        assert_eq!(w_var, tape.parameter(w), "one variable per parameter");
+        let z = tape.add(y, w_var);
+        assert!(!tape.needs_gradient(y) && tape.needs_gradient(z));
+        assert!(tape.nodes[y.0].operation.is_none());
+        tape.backward(z);
+        assert_eq!(parameters[w].gradient.as_ref().unwrap().item(), 1.0);
+    }
+
+    #[test]
+    #[should_panic(expected = "a loss is one value, found [2]")]
+    fn refuses_a_loss_of_many_values() {
+        let compute = Compute::new(1).unwrap();
+        let mut parameters = Parameters::new();
+        let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
+        let x = tape.input(Tensor::zeros(&[2]));
+        tape.backward(x);
+    }
+}

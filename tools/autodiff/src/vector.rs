@@ -67,3 +67,26 @@ pub(crate) fn update3(
         compute.isa().run(Loop(out, &a[range.clone()], &b[range], update));
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kernels::Isa;
+
+    #[test]
+    fn every_value_once_across_parts() {
+        for isa in Isa::available() {
+            let compute = Compute::with_isa(3, isa).unwrap();
+            for len in [0, 1, PART, 2 * PART + 7] {
+                let a: Vec<f32> = (0..len).map(|i| i as f32).collect();
+                let b: Vec<f32> = a.iter().map(|v| v * 0.5).collect();
+                let mut out = vec![1.0; len];
+                update1(&compute, &mut out, |v| *v += 1.0);
+                update2(&compute, &mut out, &a, |v, a| *v += a);
+                update3(&compute, &mut out, &a, &b, |v, a, b| *v += a - b);
+                let expected = |i: usize| 2.0 + 1.5 * i as f32;
+                assert!(out.iter().enumerate().all(|(i, v)| *v == expected(i)), "{isa}, {len} values");
+            }
+        }
+    }
+}
