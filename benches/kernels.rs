@@ -2,12 +2,13 @@
 //! multiply-add peak: `cargo bench --bench kernels [-- full] [NAME...]`. `full` takes the unpruned widths; names of
 //! instruction sets and algorithms, where given, choose the columns.
 
-use kernels::conv::{Algorithm, Conv, ConvShape};
+use kernels::conv::{Algorithm, Conv};
 use kernels::par::Threads;
 use kernels::simd::{Kernel, Simd};
 use kernels::{Isa, Size};
 use std::hint::black_box;
 use std::time::Instant;
+use track_cpu::model::conv_shape;
 use weights_format::{Architecture, Branch, LayerKind, Widths};
 
 /// Independent multiply-adds, as many as hide the latency.
@@ -107,14 +108,7 @@ fn main() {
         if layer.kind == LayerKind::Correlation {
             continue;
         }
-        let shape = ConvShape {
-            in_channels: layer.in_channels,
-            out_channels: layer.out_channels,
-            kernel: layer.kernel,
-            stride: layer.stride,
-            pad: layer.pad,
-            relu: layer.relu,
-        };
+        let shape = conv_shape(&layer);
         let size = Size::square(side);
         let values = |n: usize| (0..n).map(|i| ((i * 7919) % 1000) as f32 / 500.0 - 1.0).collect::<Vec<_>>();
         let weights = values(shape.out_channels * shape.kernel * shape.kernel * shape.in_channels);

@@ -3,22 +3,25 @@
 //! ```no_run
 //! use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
 //!
-//! # fn next_frame() -> Option<Vec<u8>> { None }
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let mut tracker = Tracker::new(Model::builtin(Isa::detect()));
-//! let first = next_frame().ok_or("no frame")?;
-//! tracker.init(&Frame::new(&first, 640, 360, ChannelOrder::Rgb)?, BBox::new(310.0, 150.0, 40.0, 24.0))?;
-//! while let Some(pixels) = next_frame() {
-//!     let track = tracker.update(&Frame::new(&pixels, 640, 360, ChannelOrder::Rgb)?)?;
-//!     println!("{:?} {:.2}", track.bbox, track.score);
+//! fn follow(mut frames: impl Iterator<Item = Vec<u8>>) -> Result<(), Box<dyn std::error::Error>> {
+//!     let mut tracker = Tracker::new(Model::builtin(Isa::detect()));
+//!     let first = frames.next().ok_or("no frame")?;
+//!     tracker.init(&Frame::new(&first, 640, 360, ChannelOrder::Rgb)?, BBox::new(310.0, 150.0, 40.0, 24.0))?;
+//!     for pixels in frames {
+//!         let track = tracker.update(&Frame::new(&pixels, 640, 360, ChannelOrder::Rgb)?)?;
+//!         println!("{:?} {:.2}", track.bbox, track.score);
+//!     }
+//!     Ok(())
 //! }
-//! # Ok(())
-//! # }
 //! ```
 //!
 //! Read `tracker.rs` first: a frame's way to its box starts in [`Tracker::update`].
 
 #![forbid(unsafe_code)]
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 pub mod bbox;
 pub mod config;

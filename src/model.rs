@@ -182,19 +182,19 @@ impl Builder<'_> {
 
     fn conv(&self, name: &str) -> Conv {
         let (layer, weight, bias) = self.parts(name);
-        Conv::new(self.isa, self.algorithm(layer), shape(layer), weight, bias)
+        Conv::new(self.isa, self.algorithm(layer), conv_shape(layer), weight, bias)
     }
 
     /// conv1 with the input normalisation folded in; exact, because it has no padding.
     fn first_conv(&self) -> Conv {
         let (layer, weight, bias) = self.parts("backbone.conv1");
         let (weight, bias) = fold_normalisation(&self.weights.header.input, weight, bias);
-        Conv::new(self.isa, self.algorithm(layer), shape(layer), &weight, &bias)
+        Conv::new(self.isa, self.algorithm(layer), conv_shape(layer), &weight, &bias)
     }
 
     /// The algorithm of a convolution, chosen for the larger of the maps it works on.
     fn algorithm(&self, layer: &Layer) -> Algorithm {
-        let shape = shape(layer);
+        let shape = conv_shape(layer);
         let out = layer.out_search.max(layer.out_template);
         let side = (out - 1) * shape.stride + shape.kernel - 2 * shape.pad;
         let asked = self.algorithm.unwrap_or_else(|| Algorithm::plan(&shape, Size::square(side)));
@@ -216,7 +216,8 @@ impl Builder<'_> {
     }
 }
 
-fn shape(layer: &Layer) -> ConvShape {
+/// What a convolution of the network computes, in the kernels' terms.
+pub fn conv_shape(layer: &Layer) -> ConvShape {
     ConvShape {
         in_channels: layer.in_channels,
         out_channels: layer.out_channels,

@@ -1,9 +1,10 @@
 //! The forward pass at odd widths, with every kind of encoder and at other crop sizes, against naive `f64` loops; and
 //! the backbone's translation identity.
 
-use kernels::conv::{Algorithm, ConvShape};
+use kernels::conv::Algorithm;
 use kernels::{Isa, Size, reference};
 use track_cpu::Model;
+use track_cpu::model::conv_shape;
 use track_cpu::net::Network;
 use weights_format::{Architecture, Encoder, EncoderPosition, Layer, Weights, Widths};
 
@@ -36,14 +37,7 @@ struct Naive<'a> {
 impl Naive<'_> {
     fn conv(&self, name: &str, from: &Map) -> Map {
         let layer = self.layers.iter().find(|l| l.name == name).unwrap_or_else(|| panic!("no layer {name}"));
-        let shape = ConvShape {
-            in_channels: layer.in_channels,
-            out_channels: layer.out_channels,
-            kernel: layer.kernel,
-            stride: layer.stride,
-            pad: layer.pad,
-            relu: layer.relu,
-        };
+        let shape = conv_shape(layer);
         let tensor = |part: &str| &self.weights.tensor(&format!("{name}.{part}")).unwrap().data;
         let size = Size::square(from.side);
         let values = reference::conv(&shape, size, &from.values, tensor("weight"), tensor("bias"));

@@ -5,8 +5,8 @@
 //! `H' = (H + 2 pad - k) / stride + 1`. Cost: `H' W' Cout Cin k^2` multiply-accumulates.
 //!
 //! In HWC one row of the kernel's window is `k * Cin` *contiguous* floats, so a convolution is `k` matrix products with
-//! overlapping rows, and no patch has to be gathered. [`direct`] works on them in place; [`im2col`] copies them into
-//! one matrix for a general matrix product.
+//! overlapping rows, and no patch has to be gathered. `direct.rs` works on them in place; `winograd.rs` does with fewer
+//! multiplications where the stride is 1; `im2col.rs` copies them into one matrix for a general matrix product.
 
 mod direct;
 mod im2col;
