@@ -1,4 +1,4 @@
-//! Matrix product `C = A B` through faer, row-major: the only file that names faer.
+//! Matrix product `C = A B`, and singular values, through faer, row-major: the only file that names faer.
 //!
 //! `A` is `[m, k]`, `B` is `[k, n]`, `C` is `[m, n]`; `2 m n k` operations.
 
@@ -27,6 +27,28 @@ impl<'a> Matrix<'a> {
     /// Some of its columns; nothing is copied. Panics if there are not so many.
     pub fn columns(self, range: Range<usize>) -> Matrix<'a> {
         Matrix(self.0.subcols(range.start, range.len()))
+    }
+
+    /// Its singular values, largest first, as many as the shorter of its extents; `None` if a value is not finite or
+    /// the iteration does not converge.
+    pub fn singular_values(self) -> Option<Vec<f32>> {
+        if !self.0.is_all_finite() {
+            return None;
+        }
+        let values = self.0.singular_values().ok();
+        crate::simd::clear_upper_halves();
+        values
+    }
+
+    /// Its numerical rank: how many singular values exceed `largest * max(rows, columns) * 2^-23`; `None` where there
+    /// are none ([`singular_values`](Self::singular_values)).
+    ///
+    /// Source: spec section 3.6, the usual tolerance for `f32`.
+    pub fn rank(self) -> Option<usize> {
+        let values = self.singular_values()?;
+        let extent = self.0.nrows().max(self.0.ncols()) as f32;
+        let least = values.first().map_or(0.0, |largest| largest * extent * f32::EPSILON);
+        Some(values.iter().filter(|value| **value > least).count())
     }
 }
 
@@ -82,5 +104,33 @@ mod tests {
         let mut c = vec![f32::NAN; m * 5];
         product(Matrix::new(&a, m, k), Matrix::new(&b, k, n).columns(2..7), &mut c);
         assert_close(&c, &expected, 1e-5, "columns 2..7");
+    }
+
+    #[test]
+    fn singular_values_of_known_matrices() {
+        let diagonal = [0.0, -3.0, 0.0, 0.5, 0.0, 0.0];
+        assert_eq!(Matrix::new(&diagonal, 2, 3).singular_values().unwrap(), [3.0, 0.5]);
+        // The sum of their squares is that of the values.
+        let a = noise(17 * 12, 5);
+        let values = Matrix::new(&a, 17, 12).singular_values().unwrap();
+        assert!(values.len() == 12 && values.windows(2).all(|v| v[0] >= v[1]));
+        let squares = |values: &[f32]| values.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
+        assert!((squares(&values) / squares(&a) - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn ranks_of_known_matrices() {
+        // A product of [m, r] and [r, n] has rank r.
+        for (m, n, r) in [(28, 28, 28), (34, 34, 5), (73, 73, 40), (6, 6, 1), (9, 30, 7), (30, 9, 9)] {
+            let mut product = vec![0.0; m * n];
+            gemm(m, n, r, &noise(m * r, 6), &noise(r * n, 7), &mut product);
+            assert_eq!(Matrix::new(&product, m, n).rank(), Some(r), "{m}x{n}");
+            let tiny: Vec<f32> = product.iter().map(|v| v * 1e-20).collect();
+            assert_eq!(Matrix::new(&tiny, m, n).rank(), Some(r), "rank does not depend on the scale");
+        }
+        assert_eq!(Matrix::new(&[0.0; 36], 6, 6).rank(), Some(0), "a dead map");
+        assert_eq!(Matrix::new(&[2.0; 36], 6, 6).rank(), Some(1), "a constant one");
+        assert_eq!(Matrix::new(&[1.0, f32::NAN, 0.0, 1.0], 2, 2).rank(), None);
+        assert_eq!(Matrix::new(&[f32::INFINITY; 4], 2, 2).rank(), None);
     }
 }
