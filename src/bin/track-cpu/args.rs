@@ -42,6 +42,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Measure speed: frames per second, latency percentiles, time per stage.
     Bench(BenchArgs),
+    /// Serve the TraX protocol: evaluation toolkits such as VOT's drive the tracker.
+    Trax(TraxArgs),
     /// Check this machine: CPU features, kernels against golden numbers, speed to expect.
     Doctor(DoctorArgs),
 }
@@ -294,6 +296,30 @@ pub enum Precision {
     F32,
 }
 
+/// `trax`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Example, in the trackers.ini of vot-toolkit:
+  [track-cpu]
+  label = track-cpu
+  protocol = trax
+  command = /path/to/track-cpu trax
+
+Messages go over standard input and output, or over the local port that the environment variable TRAX_SOCKET names.
+Takes rectangles, polygons and masks, and pictures as paths, in memory and encoded; answers with rectangles and the
+score as `confidence`. With protocol version 4 several objects may be followed at a time.")]
+pub struct TraxArgs {
+    /// Weights file; the built-in model if absent.
+    #[arg(short, long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// Version of the protocol: 1, 3 or 4.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = trax_version)]
+    pub protocol: u32,
+    /// How the network is run.
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
 /// `doctor`.
 #[derive(Debug, clap::Args)]
 pub struct DoctorArgs {
@@ -303,6 +329,10 @@ pub struct DoctorArgs {
     /// Print what the golden file of the self-test should hold for the present built-in model.
     #[arg(long, hide = true)]
     pub print_golden: bool,
+}
+
+fn trax_version(text: &str) -> Result<u32, String> {
+    text.parse().ok().filter(|version| [1, 3, 4].contains(version)).ok_or_else(|| "expected 1, 3 or 4".into())
 }
 
 fn threads(text: &str) -> Result<usize, String> {

@@ -17,6 +17,7 @@ mod selftest;
 mod sheet;
 mod statistics;
 mod track;
+mod trax;
 mod worker;
 
 use std::process::ExitCode;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Bench(args) if args.worker => worker::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Trax(args) => trax::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     };
     match done {

@@ -1,7 +1,10 @@
 //! The command line: clap structs, nothing else.
 
 use clap::{Parser, Subcommand, ValueEnum};
+use ope::Dataset;
 use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::Duration;
 
 /// One-pass evaluation of trackers: run, score, compare.
 #[derive(Debug, Parser)]
@@ -23,6 +26,7 @@ const EXAMPLES: &str = "\
 Examples:
   ope run --dataset dtb70 --root /data/DTB70 --out results
   ope run --dataset uavdt --root /data/UAVDT --out results --name kcf --tracker 'python3 kcf.py {frames} {init}'
+  ope run --dataset uav123 --root /data/UAV123 --out results --name nano --tracker 'trax:python3 nano.py'
   ope score --dataset dtb70 --root /data/DTB70 --results results/DTB70/track-cpu
   ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
   ope compare --dataset dtb70 --root /data/DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
@@ -56,18 +60,22 @@ pub enum Command {
 #[derive(Debug, clap::Args)]
 #[command(after_help = RUN_HELP)]
 pub struct RunArgs {
-    /// The benchmark.
-    #[arg(short, long, value_enum)]
-    pub dataset: Set,
+    /// The benchmark: uav123, uav123@10fps, uav20l, dtb70, uavdt, visdrone, otb100, got10k, lasot, or folder for any
+    /// folder of sequences.
+    #[arg(short, long, value_name = "NAME", value_parser = Dataset::from_str)]
+    pub dataset: Dataset,
     /// The folder it lies in.
     #[arg(long, value_name = "DIR")]
     pub root: PathBuf,
     /// Where results go: <DIR>/<benchmark>/<name>/<sequence>.txt, times/<sequence>_time.txt beside them.
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Another tracker's command line; this repository's tracker if absent.
-    #[arg(short, long, value_name = "COMMAND", value_parser = ope::run::CommandLine::parse)]
-    pub tracker: Option<ope::run::CommandLine>,
+    /// Another tracker, by its command line or through the TraX protocol; this repository's tracker if absent.
+    #[arg(short, long, value_name = "COMMAND|trax:COMMAND", value_parser = ope::run::Program::parse)]
+    pub tracker: Option<ope::run::Program>,
+    /// How long another tracker may take for a frame; by command line, for each of a sequence's frames [default: 60].
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "tracker")]
+    pub timeout: Option<Duration>,
     /// Weights file of this repository's tracker; the built-in model if absent.
     #[arg(short, long, value_name = "FILE", conflicts_with = "tracker")]
     pub model: Option<PathBuf>,
@@ -89,7 +97,8 @@ A tracker's command line may name
   {init}    the first frame's box: x,y,w,h
   {out}     the file to write the boxes to, x,y,w,h a line; if it is not named, standard output is taken
   {times}   the file to write the seconds of each frame to, if it can
-and runs once per sequence, without a shell.";
+and runs once per sequence, without a shell. After `trax:` it is a program that speaks the TraX protocol, version 1 to 4,
+and takes pictures by path; it is started once per sequence, and its times include its reading of the pictures.";
 
 /// `merge`.
 #[derive(Debug, clap::Args)]
@@ -110,55 +119,11 @@ pub struct TruthArgs {
     #[arg(short, long, value_name = "DIR", conflicts_with_all = ["dataset", "root"])]
     pub annotations: Option<PathBuf>,
     /// The benchmark, in place of --annotations.
-    #[arg(short, long, value_enum, requires = "root")]
-    pub dataset: Option<Set>,
+    #[arg(short, long, value_name = "NAME", value_parser = Dataset::from_str, requires = "root")]
+    pub dataset: Option<Dataset>,
     /// The folder that the benchmark lies in.
     #[arg(long, value_name = "DIR", requires = "dataset")]
     pub root: Option<PathBuf>,
-}
-
-/// A benchmark.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Set {
-    /// UAV123.
-    Uav123,
-    /// UAV123@10fps.
-    #[value(name = "uav123_10fps", alias = "uav123@10fps")]
-    Uav123At10Fps,
-    /// UAV20L.
-    Uav20l,
-    /// DTB70.
-    Dtb70,
-    /// UAVDT, single objects.
-    Uavdt,
-    /// VisDrone-SOT.
-    Visdrone,
-    /// OTB100.
-    Otb100,
-    /// GOT-10k.
-    Got10k,
-    /// LaSOT.
-    Lasot,
-    /// Any folder of sequences.
-    Folder,
-}
-
-impl Set {
-    /// The benchmark meant.
-    pub fn dataset(self) -> ope::Dataset {
-        match self {
-            Set::Uav123 => ope::Dataset::Uav123,
-            Set::Uav123At10Fps => ope::Dataset::Uav123At10Fps,
-            Set::Uav20l => ope::Dataset::Uav20l,
-            Set::Dtb70 => ope::Dataset::Dtb70,
-            Set::Uavdt => ope::Dataset::Uavdt,
-            Set::Visdrone => ope::Dataset::Visdrone,
-            Set::Otb100 => ope::Dataset::Otb100,
-            Set::Got10k => ope::Dataset::Got10k,
-            Set::Lasot => ope::Dataset::Lasot,
-            Set::Folder => ope::Dataset::Folder,
-        }
-    }
 }
 
 /// `score`.
@@ -242,8 +207,8 @@ pub struct ExportArgs {
     #[arg(long, value_enum)]
     pub to: Toolkit,
     /// The benchmark that the results are of.
-    #[arg(short, long, value_enum)]
-    pub dataset: Set,
+    #[arg(short, long, value_name = "NAME", value_parser = Dataset::from_str)]
+    pub dataset: Dataset,
     /// What the tracker is called [default: the folder's name].
     #[arg(short, long)]
     pub name: Option<String>,
@@ -329,4 +294,9 @@ impl Rule {
         };
         &ope::Convention::ALL[at]
     }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 1e6);
+    seconds.map(Duration::from_secs_f64).ok_or_else(|| "expected seconds above 0".into())
 }

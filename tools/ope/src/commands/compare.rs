@@ -14,7 +14,7 @@ fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
     let opened: Result<Vec<Results>, Error> =
         args.results.iter().map(|folder| Results::open(folder)).collect();
     let attributes = match (args.truth.dataset, &args.truth.root) {
-        (Some(set), Some(root)) => set.dataset().attributes(root)?,
+        (Some(set), Some(root)) => set.attributes(root)?,
         _ => Default::default(),
     };
     let missing = if args.partial { Missing::Skip } else { Missing::Refuse };
@@ -56,7 +56,7 @@ pub fn report(args: &ReportArgs) -> Result<(), Error> {
     let comparison = read(&args.trackers)?;
     let failures = match (args.trackers.truth.dataset, &args.trackers.truth.root) {
         (Some(set), Some(root)) if args.failures > 0 => {
-            let sequences = set.dataset().load(root, &mut Notes::default())?;
+            let sequences = set.load(root, &mut Notes::default())?;
             report::failures(&comparison, &sequences, args.failures)?
         }
         _ => Vec::new(),

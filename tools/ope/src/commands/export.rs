@@ -10,7 +10,7 @@ pub fn run(args: &ExportArgs) -> Result<(), Error> {
         Some(name) => super::folder_name(name)?.to_owned(),
         None => results.name(),
     };
-    let count = ope::export::export(&results, args.to.layout(), args.dataset.dataset(), &name, &args.out)?;
+    let count = ope::export::export(&results, args.to.layout(), args.dataset, &name, &args.out)?;
     eprintln!("{count} sequences in {}", args.out.display());
     Ok(())
 }

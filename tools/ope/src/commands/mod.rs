@@ -32,7 +32,7 @@ fn print(text: &str) -> Result<(), Error> {
 fn truth(args: &TruthArgs, notes: &mut Notes) -> Result<Vec<Annotation>, Error> {
     match (&args.annotations, args.dataset, &args.root) {
         (Some(folder), ..) => annotations::read_folder(folder),
-        (None, Some(set), Some(root)) => set.dataset().annotations(root, notes),
+        (None, Some(set), Some(root)) => set.annotations(root, notes),
         _ => Err(Error::Option {
             option: "--annotations",
             expected: "it, or --dataset with --root".into(),

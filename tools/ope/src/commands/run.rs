@@ -1,7 +1,7 @@
 //! `ope run` and `ope merge`.
 
 use crate::args::{MergeArgs, RunArgs};
-use ope::run::Runner;
+use ope::run::{Program, Runner};
 use ope::{Error, Notes};
 use std::num::NonZeroUsize;
 use std::thread;
@@ -9,12 +9,15 @@ use track_cpu::{Isa, Model};
 
 /// Runs a tracker over a benchmark.
 pub fn run(args: &RunArgs) -> Result<(), Error> {
-    let dataset = args.dataset.dataset();
+    let dataset = args.dataset;
     let mut notes = Notes::default();
     let sequences = dataset.load(&args.root, &mut notes)?;
     eprint!("{notes}");
     let (runner, name) = match (&args.tracker, &args.model) {
-        (Some(command), _) => (Runner::Command(command.clone()), command.name()),
+        (Some(program), _) => {
+            let timeout = args.timeout.unwrap_or(program.timeout);
+            (Runner::Program(Program { timeout, ..program.clone() }), program.line.name())
+        }
         (None, Some(path)) => (Runner::Builtin(Model::read(path, Isa::detect())?), "track-cpu".to_owned()),
         (None, None) => (Runner::Builtin(Model::builtin(Isa::detect())), "track-cpu".to_owned()),
     };

@@ -21,6 +21,7 @@ use crate::notes::Notes;
 use crate::text;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use tree::Tree;
 
 /// A benchmark whose layout is known.
@@ -87,6 +88,22 @@ impl Dataset {
             Dataset::Otb100 => "OTB100",
             Dataset::Got10k => "GOT-10k",
             Dataset::Lasot => "LaSOT",
+            Dataset::Folder => "folder",
+        }
+    }
+
+    /// Its name on a command line.
+    pub fn option(self) -> &'static str {
+        match self {
+            Dataset::Uav123 => "uav123",
+            Dataset::Uav123At10Fps => "uav123_10fps",
+            Dataset::Uav20l => "uav20l",
+            Dataset::Dtb70 => "dtb70",
+            Dataset::Uavdt => "uavdt",
+            Dataset::Visdrone => "visdrone",
+            Dataset::Otb100 => "otb100",
+            Dataset::Got10k => "got10k",
+            Dataset::Lasot => "lasot",
             Dataset::Folder => "folder",
         }
     }
@@ -218,6 +235,20 @@ impl Dataset {
             present.iter_mut().zip(flags).for_each(|(present, absent)| *present &= absent == 0.0);
         }
         Ok(present)
+    }
+}
+
+impl FromStr for Dataset {
+    type Err = String;
+
+    /// From its name on a command line, or the one that toolkits write; the case does not matter.
+    fn from_str(text: &str) -> Result<Dataset, String> {
+        let name = text.replace('@', "_");
+        let is = |dataset: &Dataset| {
+            [dataset.option(), dataset.name()].iter().any(|n| name.eq_ignore_ascii_case(n))
+        };
+        let all = || Dataset::ALL.map(Dataset::option).join(", ");
+        Dataset::ALL.into_iter().find(is).ok_or_else(|| format!("expected one of {}, found {text:?}", all()))
     }
 }
 

@@ -91,7 +91,7 @@ fn failure(comparison: &Comparison, sequence: &Sequence, auc: f64) -> Result<Opt
         height,
         annotated: first.annotation.boxes[frame],
         found: (0..comparison.trackers.len()).map(boxes).collect(),
-        jpeg: base64(&jpeg),
+        jpeg: trax::base64::encode(&jpeg),
     }))
 }
 
@@ -128,31 +128,9 @@ fn jpeg(picture: &track_cpu::source::Image) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// Base 64 as in RFC 4648, padded.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let byte = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for i in 0..4 {
-            let digit = DIGITS[(bits >> (18 - 6 * i)) as usize & 63] as char;
-            text.push(if i <= chunk.len() { digit } else { '=' });
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_of_the_rfc() {
-        let cases = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg==")];
-        cases.iter().for_each(|(plain, coded)| assert_eq!(base64(plain.as_bytes()), *coded));
-        assert_eq!(base64(&[0xfb, 0xff, 0xfe]), "+//+");
-    }
 
     #[test]
     fn longest_run() {

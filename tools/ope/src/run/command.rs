@@ -7,7 +7,9 @@ use crate::error::Error;
 use crate::text;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 
 /// A command line that tracks one sequence.
 ///
@@ -51,13 +53,36 @@ impl CommandLine {
         }
     }
 
+    /// The program as the command line names it.
+    pub fn program(&self) -> &str {
+        &self.words[0]
+    }
+
     /// What the program is called: its file's name.
     pub fn name(&self) -> String {
-        Path::new(&self.words[0]).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+        Path::new(self.program()).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// The program with its arguments, placeholders filled in.
+    pub(super) fn command(&self, values: &[(&str, String)]) -> Command {
+        let fill =
+            |word: &String| values.iter().fold(word.clone(), |word, (key, value)| word.replace(key, value));
+        let mut words = self.words.iter().map(fill);
+        let mut command = Command::new(words.next().unwrap_or_default());
+        command.args(words);
+        command
     }
 
     /// Runs the program on a sequence, its files in a folder below `folder` that goes away.
-    pub(super) fn track(&self, sequence: &Sequence, first: BBox, folder: &Path) -> Result<Outcome, Error> {
+    ///
+    /// It may take `timeout` for each frame: so many times that for all of them.
+    pub(super) fn track(
+        &self,
+        timeout: Duration,
+        sequence: &Sequence,
+        first: BBox,
+        folder: &Path,
+    ) -> Result<Outcome, Error> {
         let name = &sequence.annotation.name;
         let work = Work::new(folder, name)?;
         let [frames, out, times] = ["frames.txt", "boxes.txt", "times.txt"].map(|file| work.0.join(file));
@@ -73,21 +98,38 @@ impl CommandLine {
             ("{out}", out.display().to_string()),
             ("{times}", times.display().to_string()),
         ];
-        let fill =
-            |word: &String| values.iter().fold(word.clone(), |word, (key, value)| word.replace(key, value));
-        let words: Vec<String> = self.words.iter().map(fill).collect();
-        let mut command = Command::new(&words[0]);
-        command.args(&words[1..]).stdin(Stdio::null());
+        let mut command = self.command(&values);
+        command.stdin(Stdio::null());
         match self.words.iter().any(|word| word.contains("{out}")) {
             true => command.stdout(Stdio::null()),
             false => command.stdout(fs::File::create(&out).map_err(Error::unwritable(&out))?),
         };
-        let status = command.status().map_err(|error| failure(name, format!("{}: {error}", words[0])))?;
+        let failed = |reason: String| failure(name, format!("{}: {reason}", self.program()));
+        let child = command.spawn().map_err(|error| failed(error.to_string()))?;
+        let limit = timeout.saturating_mul(u32::try_from(sequence.frames.len()).unwrap_or(u32::MAX));
+        let status = wait(child, limit).map_err(failed)?;
         if !status.success() {
-            return Err(failure(name, format!("{}: {status}", words[0])));
+            return Err(failed(status.to_string()));
         }
         let seconds = if times.is_file() { text::read_numbers(&times)? } else { Vec::new() };
         Ok(Outcome { boxes: text::read_boxes(&out)?, seconds })
+    }
+}
+
+/// Waits for the program's end; one that takes longer than `limit` is ended.
+fn wait(mut child: Child, limit: Duration) -> Result<ExitStatus, String> {
+    let (began, mut pause) = (Instant::now(), Duration::from_millis(1));
+    loop {
+        match child.try_wait().map_err(|error| error.to_string())? {
+            Some(status) => return Ok(status),
+            None if began.elapsed() < limit => thread::sleep(pause),
+            None => {
+                let _ = child.kill();
+                let _ = child.wait();
+                return Err(format!("no end within {} s", limit.as_secs_f64()));
+            }
+        }
+        pause = (pause * 2).min(Duration::from_millis(50));
     }
 }
 

@@ -6,6 +6,7 @@
 mod builtin;
 mod command;
 mod merge;
+mod session;
 
 pub(crate) use builtin::decode;
 pub use command::CommandLine;
@@ -20,6 +21,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
+use std::time::Duration;
 use track_cpu::Model;
 
 /// What is run.
@@ -28,7 +30,51 @@ pub enum Runner {
     /// This repository's tracker, one thread per sequence.
     Builtin(Model),
     /// Another program.
-    Command(CommandLine),
+    Program(Program),
+}
+
+/// Another program and how it is to be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Program {
+    /// How it is started.
+    pub line: CommandLine,
+    /// How it is told of frames.
+    pub manner: Manner,
+    /// How long it may take for one frame.
+    pub timeout: Duration,
+}
+
+/// How a program is told of frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Manner {
+    /// Of all at once, by its command line.
+    Files,
+    /// Of one at a time, by the TraX protocol; it is started anew for each sequence.
+    Trax,
+}
+
+impl Program {
+    /// How long a program may take for one frame unless told otherwise.
+    pub const TIMEOUT: Duration = Duration::from_secs(60);
+
+    /// A program from `COMMAND` or `trax:COMMAND`.
+    ///
+    /// # Errors
+    /// As of [`CommandLine::parse`].
+    pub fn parse(text: &str) -> Result<Program, String> {
+        let (manner, line) = match text.strip_prefix("trax:") {
+            Some(line) => (Manner::Trax, line),
+            None => (Manner::Files, text),
+        };
+        Ok(Program { line: CommandLine::parse(line)?, manner, timeout: Program::TIMEOUT })
+    }
+
+    fn track(&self, sequence: &Sequence, first: BBox, folder: &Path) -> Result<Outcome, Error> {
+        match self.manner {
+            Manner::Files => self.line.track(self.timeout, sequence, first, folder),
+            Manner::Trax => session::track(&self.line, self.timeout, sequence, first),
+        }
+    }
 }
 
 /// What a tracker found in one sequence.
@@ -129,7 +175,7 @@ impl Runner {
         let Some(first) = first else { return Err(failure(name, "its first annotated box has no area")) };
         let outcome = match self {
             Runner::Builtin(model) => builtin::track(model, sequence, *first)?,
-            Runner::Command(command) => command.track(sequence, *first, folder)?,
+            Runner::Program(program) => program.track(sequence, *first, folder)?,
         };
         let (frames, boxes) = (sequence.frames.len(), outcome.boxes.len());
         if frames != boxes {

@@ -20,7 +20,8 @@ fn run_command(
     command: &str,
     out: &Path,
 ) -> (Result<usize, String>, String) {
-    let runner = Runner::Command(CommandLine::parse(command).unwrap());
+    let timeout = Duration::from_secs(1);
+    let runner = Runner::Program(Program { timeout, ..Program::parse(command).unwrap() });
     let told = Mutex::new(String::new());
     let tell = |line: &str| *told.lock().unwrap() += &format!("{line}\n");
     let jobs = NonZeroUsize::new(2).unwrap();
@@ -114,4 +115,64 @@ fn the_built_in_tracker_runs_on_files() {
     assert!(outcome.boxes[3].x > 26.0, "{:?}", outcome.boxes);
     sequence.frames.push(folder.write("s/9.ppm", "P6"));
     assert!(runner.track(&sequence, folder.path()).unwrap_err().to_string().contains("9.ppm"));
+}
+
+/// A TraX server in a line of shell: answers each frame with the box moved by 1, and `MORE` at its third message.
+const SERVER: &str = r#"trax:sh -c '
+    echo loading; echo @@TRAX:hello trax.version=VERSION trax.image=IMAGE trax.region=rectangle
+    n=0
+    while read -r name rest; do
+        n=$((n + 1))
+        case "VERSION $n" in *" 3") MORE ;; esac
+        case "VERSION $name" in
+            *:quit) exit 0 ;;
+            "4 @@TRAX:initialize") test "$rest" = "\\"1.0000,2.0000,30.0000,40.5000\\"" || exit 9 ;;
+            *) echo "@@TRAX:state \\"$n,2,30,40\\" confidence=0.5" ;;
+        esac
+    done'"#;
+
+fn server(version: &str, more: &str) -> String {
+    SERVER.replace("VERSION", version).replace("MORE", more).replace("IMAGE", "path").replace("\\\\", "\\")
+}
+
+#[test]
+fn programs_that_speak_trax() {
+    let folder = Folder::new("trax");
+    let (sequences, at) = (sequences(&folder), |name: &str| folder.path().join(name));
+    for (version, third) in [("1", "3.000"), ("3", "3.000"), ("4", "4.000")] {
+        let out = at(version);
+        let (done, told) = run_command(&sequences, "1/1", &server(version, ":"), &out);
+        assert_eq!(done, Ok(3), "{told}");
+        let boxes = std::fs::read_to_string(out.join("b.txt")).unwrap();
+        let lines: Vec<&str> = boxes.lines().collect();
+        assert_eq!((lines.len(), lines[0]), (3, "1.000,2.000,30.000,40.500"));
+        assert_eq!(lines[2], format!("{third},2.000,30.000,40.000"));
+        assert_eq!(std::fs::read_to_string(out.join("times/b_time.txt")).unwrap().lines().count(), 3);
+    }
+    for (more, part) in [
+        ("sleep 9", "frame 2: no state within 1 s"),
+        ("exit 3", "frame 2: it ended before a state"),
+        ("echo @@TRAX:quit \"\\\"trax.reason=no memory\\\"\"; exit 0", "frame 2: it quit: no memory"),
+        ("echo @@TRAX:state lost", "region: expected"),
+        ("echo @@TRAX:hello", "expected state, found hello"),
+        ("echo @@TRAX:nonsense", "found \"nonsense\""),
+    ] {
+        let (done, told) = run_command(&sequences[..1], "1/1", &server("4", more), &at("failed"));
+        assert!(done.is_err() && told.contains(part), "{more}: {told}");
+    }
+    let blind = server("4", ":").replace("trax.image=path", "trax.image=memory");
+    let (_, told) = run_command(&sequences[..1], "1/1", &blind, &at("failed"));
+    assert!(told.contains("it takes no pictures by their path"), "{told}");
+    let (_, told) = run_command(&sequences[..1], "1/1", "trax:/nonexistent/tracker", &at("failed"));
+    assert!(told.contains("/nonexistent/tracker"), "{told}");
+}
+
+#[test]
+fn programs_that_hang_are_ended() {
+    let folder = Folder::new("hang");
+    let sequences = sequences(&folder);
+    let began = std::time::Instant::now();
+    let (done, told) = run_command(&sequences[..1], "1/1", "sleep 60", &folder.path().join("out"));
+    assert!(done.is_err() && told.contains("sleep: no end within 3 s"), "{told}"); // three frames
+    assert!(began.elapsed() < Duration::from_secs(30));
 }
