@@ -40,6 +40,16 @@ impl Selector {
         }
     }
 
+    /// Cells along one side of the score map.
+    pub(crate) fn side(&self) -> usize {
+        self.hann.len()
+    }
+
+    /// Where cell 0 has its centre and where the crop its middle, both in crop pixels along either axis.
+    pub(crate) fn geometry(&self) -> (f64, f64) {
+        (self.offset, self.crop_middle)
+    }
+
     /// The cell with the highest windowed score for a target that was `w` x `h` crop pixels, the first one on a tie.
     ///
     /// Cells whose numbers are not finite are passed over; `None` if that leaves no cell.
@@ -63,7 +73,7 @@ impl Selector {
     }
 
     /// The box of one cell in crop pixels from its four offsets; its width counts both end pixels.
-    fn decode(&self, row: usize, column: usize, ltrb: &[f32]) -> CenterBox {
+    pub(crate) fn decode(&self, row: usize, column: usize, ltrb: &[f32]) -> CenterBox {
         let stride = Architecture::TOTAL_STRIDE as f64;
         let (px, py) = (self.offset + stride * column as f64, self.offset + stride * row as f64);
         let [l, t, r, b] = [0, 1, 2, 3].map(|i| f64::from(ltrb[i]));

@@ -7,7 +7,7 @@ use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
 use crate::net::Network;
-use crate::select::Selector;
+use crate::select::{Choice, Selector};
 use crate::stages::{Lap, Stages};
 
 /// Follows one object from frame to frame.
@@ -21,7 +21,19 @@ pub struct Tracker {
     cropper: Cropper,
     crop: Vec<u8>,
     target: Option<Target>,
+    seen: Option<Seen>,
     stages: Stages,
+}
+
+/// Where the last search looked and what it chose: for those who judge the choice.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    /// The box it looked around.
+    pub around: CenterBox,
+    /// Crop pixels per frame pixel.
+    pub scale: f64,
+    /// The cell that it chose, if any was usable.
+    pub choice: Option<Choice>,
 }
 
 /// How a tracker is to run.
@@ -68,6 +80,7 @@ impl Tracker {
             cropper: Cropper::default(),
             crop: Vec::new(),
             target: None,
+            seen: None,
             stages: Stages::default(),
         }
     }
@@ -110,6 +123,7 @@ impl Tracker {
 
         let (w, h) = (f64::from(target.bbox.w) * scale, f64::from(target.bbox.h) * scale);
         let choice = self.selector.choose(outputs, w, h, &self.config);
+        self.seen = Some(Seen { around: target.bbox, scale, choice });
         if let Some(choice) = &choice {
             target.bbox = self.selector.smooth(choice, &target.bbox, scale, &self.config);
         }
@@ -120,6 +134,54 @@ impl Tracker {
         let (score, penalized_score) =
             choice.map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
         Ok(Track { bbox: target.bbox.corner(), score, penalized_score })
+    }
+
+    /// Looks for the target around `around`, whose size it is expected to have, in a region `zoom` times as wide as
+    /// usual and without regard to where in it; the target stays where it is.
+    pub(crate) fn look(
+        &mut self,
+        frame: &Frame<'_>,
+        around: CenterBox,
+        zoom: f64,
+    ) -> Result<Seen, TrackError> {
+        let target = self.target.ok_or(TrackError::NoTarget)?;
+        let around = around.clamped(frame.width(), frame.height(), self.config.min_size);
+        let zoomed = CenterBox { w: around.w * zoom as f32, h: around.h * zoom as f32, ..around };
+        let search_size = self.network.model().architecture().search_size;
+        let scale = self.cut(frame, &Target { bbox: zoomed, ..target }, search_size);
+        let outputs = self.network.search_timed(&self.crop, &mut self.stages);
+        let (w, h) = (f64::from(around.w) * scale, f64::from(around.h) * scale);
+        let anywhere = TrackConfig { window_influence: 0.0, ..self.config };
+        let seen = Seen { around, scale, choice: self.selector.choose(outputs, w, h, &anywhere) };
+        self.seen = Some(seen);
+        Ok(seen)
+    }
+
+    /// Moves the target to another box without looking.
+    pub(crate) fn place(&mut self, bbox: CenterBox) {
+        if let Some(target) = &mut self.target {
+            target.bbox = bbox;
+        }
+    }
+
+    /// Where the target is taken to be.
+    pub(crate) fn target_box(&self) -> Option<CenterBox> {
+        self.target.map(|target| target.bbox)
+    }
+
+    /// What the last search saw.
+    pub(crate) fn seen(&self) -> Option<&Seen> {
+        self.seen.as_ref()
+    }
+
+    /// The network, for its last outputs.
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// What knows where the score map's cells lie.
+    pub(crate) fn selector(&self) -> &Selector {
+        &self.selector
     }
 
     /// Cuts the crop of `side` pixels around the target and returns its scale in crop pixels per frame pixel.

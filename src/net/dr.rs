@@ -37,6 +37,14 @@ impl Dr {
     ) -> &'a Map {
         run(self.search.as_ref().unwrap_or(&self.template), context, threads, features, maps)
     }
+
+    /// What [`search`](Self::search) returned last.
+    pub(crate) fn search_features<'a>(&self, features: &'a Map, maps: &'a DrMaps) -> &'a Map {
+        match self.search.as_ref().unwrap_or(&self.template).len() {
+            0 => features,
+            n => &maps[n.min(maps.len()) - 1],
+        }
+    }
 }
 
 fn run<'a>(

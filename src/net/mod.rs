@@ -24,6 +24,8 @@ pub struct TemplateFeatures {
     pub cls: Map,
     /// For regression.
     pub reg: Map,
+    /// Identity-related, before the neck (E2, or conv5 where there is no E2): 6x6 for the standard template.
+    pub identity: Map,
 }
 
 /// What the network says about every cell of the score map, row by row.
@@ -71,6 +73,17 @@ impl Network {
         self.scratch.maps().chain(template)
     }
 
+    /// The identity-related features of the template and of the last search region.
+    pub(crate) fn identity(&self) -> (&Map, &Map) {
+        let Scratch { backbone, encoded, .. } = &self.scratch;
+        (&self.template.identity, self.model.layers().encoder.search_features(&backbone.conv5, encoded))
+    }
+
+    /// What the last pass said.
+    pub(crate) fn outputs(&self) -> &Outputs {
+        &self.outputs
+    }
+
     /// Computes and keeps the features of a template crop (`[size, size, 3]`, BGR).
     ///
     /// Panics if the crop has not the model's size.
@@ -82,6 +95,7 @@ impl Network {
             let Scratch { context, backbone, encoded, encoded_neck, neck, .. } = scratch;
             layers.backbone.run(context, threads, backbone);
             let features = layers.encoder.template(context, threads, &backbone.conv5, encoded);
+            template.identity = features.clone();
             layers.neck.template(context, threads, features, neck);
             let [cls, reg] = encoded_neck;
             template.cls = layers.encoder_after_neck.template(context, threads, &neck.cls, cls).clone();

@@ -1,0 +1,350 @@
+//! How the camera moved between two frames: shift, turn and zoom of the whole picture, estimated from thumbnails.
+//!
+//! Both frames are averaged into a grid about 96 cells wide. A whole-cell shift is found by exhaustive comparison on a
+//! grid of half that resolution, then a similarity transform by Gauss-Newton on the brightness differences (Lucas and
+//! Kanade 1981). The target's own cells are left out. Cost: a few million operations, whatever the frame's size.
+
+use crate::bbox::CenterBox;
+use crate::frame::Frame;
+
+/// Cells across the thumbnail.
+const COLUMNS: usize = 96;
+/// Pixels looked at per cell and axis.
+const SAMPLES: usize = 4;
+/// Largest shift that the coarse search considers, in coarse cells.
+const REACH: i32 = 8;
+const ITERATIONS: usize = 6;
+/// Brightness differences beyond this, of 255, are taken for something that moves on its own.
+const OUTLIER: f64 = 24.0;
+
+/// A similarity transform of frame positions from one frame to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    a: f64, // 1 + a: zoom times cosine of the turn
+    b: f64, // zoom times sine of the turn
+    x: f64,
+    y: f64,
+}
+
+impl Default for Motion {
+    fn default() -> Motion {
+        Motion::shift(0.0, 0.0)
+    }
+}
+
+impl Motion {
+    /// A mere shift, in pixels.
+    pub fn shift(x: f64, y: f64) -> Motion {
+        Motion { a: 0.0, b: 0.0, x, y }
+    }
+
+    /// Where a position of the earlier frame lies in the later one.
+    pub fn apply(&self, x: f64, y: f64) -> (f64, f64) {
+        let (dx, dy) = self.turn(x, y);
+        (dx + self.x, dy + self.y)
+    }
+
+    /// What becomes of a difference of positions.
+    pub fn turn(&self, x: f64, y: f64) -> (f64, f64) {
+        (x + self.a * x - self.b * y, y + self.b * x + self.a * y)
+    }
+
+    /// Zoom: lengths in the later frame over lengths in the earlier one.
+    pub fn scale(&self) -> f64 {
+        (1.0 + self.a).hypot(self.b)
+    }
+
+    /// The box moved with the picture.
+    pub(crate) fn carry(&self, bbox: &CenterBox) -> CenterBox {
+        let (cx, cy) = self.apply(bbox.cx.into(), bbox.cy.into());
+        let scale = self.scale() as f32;
+        CenterBox { cx: cx as f32, cy: cy as f32, w: bbox.w * scale, h: bbox.h * scale }
+    }
+}
+
+/// Mean brightness per cell.
+#[derive(Clone, Debug, Default)]
+struct Thumbnail {
+    values: Vec<f32>,
+    columns: usize,
+    rows: usize,
+    cell: usize, // pixels a side
+}
+
+impl Thumbnail {
+    fn take(&mut self, frame: &Frame<'_>) {
+        self.cell = frame.width().div_ceil(COLUMNS).max(1);
+        self.columns = frame.width() / self.cell;
+        self.rows = frame.height() / self.cell;
+        self.values.clear();
+        let ([b, g, r], step) = (frame.order().bgr_offsets(), frame.order().bytes_per_pixel());
+        let samples = SAMPLES.min(self.cell);
+        let pick = |i: usize| (2 * i + 1) * self.cell / (2 * samples);
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let mut sum = 0u32;
+                for i in 0..samples {
+                    let pixels = frame.row(row * self.cell + pick(i));
+                    for j in 0..samples {
+                        let pixel = &pixels[(column * self.cell + pick(j)) * step..];
+                        sum += u32::from(pixel[b]) + 2 * u32::from(pixel[g]) + u32::from(pixel[r]);
+                    }
+                }
+                self.values.push(sum as f32 / (4 * samples * samples) as f32);
+            }
+        }
+    }
+
+    fn at(&self, column: usize, row: usize) -> f64 {
+        f64::from(self.values[row * self.columns + column])
+    }
+
+    /// Bilinear look-up with its gradient; `None` outside.
+    fn sample(&self, x: f64, y: f64) -> Option<(f64, f64, f64)> {
+        if !(x >= 0.0 && y >= 0.0) {
+            return None;
+        }
+        let (i, j) = (x as usize, y as usize);
+        if i + 1 >= self.columns || j + 1 >= self.rows {
+            return None;
+        }
+        let (u, v) = (x - i as f64, y - j as f64);
+        let [a, b, c, d] = [self.at(i, j), self.at(i + 1, j), self.at(i, j + 1), self.at(i + 1, j + 1)];
+        let (top, low) = (a + (b - a) * u, c + (d - c) * u);
+        Some((top + (low - top) * v, (b - a) * (1.0 - v) + (d - c) * v, low - top))
+    }
+
+    /// Half the resolution.
+    fn halve(&self, into: &mut Thumbnail) {
+        (into.columns, into.rows, into.cell) = (self.columns / 2, self.rows / 2, 2 * self.cell);
+        into.values.clear();
+        for row in 0..into.rows {
+            for column in 0..into.columns {
+                let four = [(0, 0), (1, 0), (0, 1), (1, 1)];
+                let sum: f64 = four.iter().map(|(i, j)| self.at(2 * column + i, 2 * row + j)).sum();
+                into.values.push((sum / 4.0) as f32);
+            }
+        }
+    }
+}
+
+/// Watches the frames go by and says how the picture moved.
+#[derive(Clone, Debug, Default)]
+pub struct CameraMotion {
+    before: Thumbnail,
+    now: Thumbnail,
+    coarse_before: Thumbnail,
+    coarse_now: Thumbnail,
+}
+
+impl CameraMotion {
+    /// How the picture moved since the frame shown before, `without` a box of that earlier frame; no motion if there was
+    /// none of that size, or if nothing fits better.
+    pub(crate) fn observe(&mut self, frame: &Frame<'_>, without: Option<&CenterBox>) -> Motion {
+        std::mem::swap(&mut self.before, &mut self.now);
+        std::mem::swap(&mut self.coarse_before, &mut self.coarse_now);
+        self.now.take(frame);
+        self.now.halve(&mut self.coarse_now);
+        let same = |a: &Thumbnail, b: &Thumbnail| (a.columns, a.rows, a.cell) == (b.columns, b.rows, b.cell);
+        if !same(&self.before, &self.now) || self.now.columns < 8 || self.now.rows < 8 {
+            return Motion::default();
+        }
+        let coarse = self.coarse_shift(without);
+        self.refine(coarse, without).unwrap_or_default()
+    }
+
+    /// The whole-cell shift of least mean absolute difference, in cells of the fine grid.
+    fn coarse_shift(&self, without: Option<&CenterBox>) -> (f64, f64) {
+        let before = &self.coarse_before;
+        let (columns, rows) = (before.columns as i32, before.rows as i32);
+        let (reach_x, reach_y) = (REACH.min(columns / 3), REACH.min(rows / 3));
+        let hole = Hole::new(without, before.cell);
+        let mut best = ((0, 0), self.coarse_difference((0, 0), &hole));
+        for dy in -reach_y..=reach_y {
+            for dx in -reach_x..=reach_x {
+                let difference = self.coarse_difference((dx, dy), &hole);
+                if difference < best.1 {
+                    best = ((dx, dy), difference);
+                }
+            }
+        }
+        (2.0 * f64::from(best.0.0), 2.0 * f64::from(best.0.1))
+    }
+
+    fn coarse_difference(&self, (dx, dy): (i32, i32), hole: &Hole) -> f64 {
+        let (before, now) = (&self.coarse_before, &self.coarse_now);
+        let (columns, rows) = (before.columns as i32, before.rows as i32);
+        let (mut sum, mut count) = (0.0, 0u32);
+        for row in (-dy).max(0)..(rows - dy).min(rows) {
+            for column in (-dx).max(0)..(columns - dx).min(columns) {
+                if hole.contains(f64::from(column), f64::from(row)) {
+                    continue;
+                }
+                let difference = before.at(column as usize, row as usize)
+                    - now.at((column + dx) as usize, (row + dy) as usize);
+                sum += difference.abs().min(OUTLIER);
+                count += 1;
+            }
+        }
+        // Half the picture must overlap for a comparison to mean something.
+        if 2 * count < (columns * rows) as u32 { f64::MAX } else { sum / f64::from(count) }
+    }
+
+    /// Gauss-Newton from a shift in cells; the result is in frame pixels. `None` if it runs away.
+    fn refine(&self, start: (f64, f64), without: Option<&CenterBox>) -> Option<Motion> {
+        let (before, now) = (&self.before, &self.now);
+        let (mx, my) = (before.columns as f64 / 2.0, before.rows as f64 / 2.0);
+        let hole = Hole::new(without, before.cell);
+        let [mut a, mut b, mut x, mut y] = [0.0, 0.0, start.0, start.1];
+        for _ in 0..ITERATIONS {
+            let (mut normal, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
+            for row in 0..before.rows {
+                for column in 0..before.columns {
+                    let (u, v) = (column as f64 - mx, row as f64 - my);
+                    if hole.contains(column as f64, row as f64) {
+                        continue;
+                    }
+                    let (px, py) = (u + a * u - b * v + x + mx, v + b * u + a * v + y + my);
+                    let Some((value, gx, gy)) = now.sample(px, py) else { continue };
+                    let difference = before.at(column, row) - value;
+                    let weight = OUTLIER / difference.abs().max(OUTLIER);
+                    let jacobian = [gx * u + gy * v, gy * u - gx * v, gx, gy];
+                    for (i, ji) in jacobian.iter().enumerate() {
+                        right[i] += weight * ji * difference;
+                        for (j, jj) in jacobian.iter().enumerate() {
+                            normal[i][j] += weight * ji * jj;
+                        }
+                    }
+                }
+            }
+            let [da, db, dx, dy] = solve(normal, right)?;
+            (a, b, x, y) = (a + da, b + db, x + dx, y + dy);
+            if a.abs() > 0.2 || b.abs() > 0.2 || (x - start.0).abs() > 6.0 || (y - start.1).abs() > 6.0 {
+                return None;
+            }
+            if dx.abs().max(dy.abs()) < 1e-3 {
+                break;
+            }
+        }
+        // From cells around the middle to pixels around the corner; a cell's centre lies half a cell in.
+        let cell = before.cell as f64;
+        let (cx, cy) = ((mx + 0.5) * cell - 0.5, (my + 0.5) * cell - 0.5);
+        let motion = Motion { a, b, x: x * cell - a * cx + b * cy, y: y * cell - b * cx - a * cy };
+        Some(motion)
+    }
+}
+
+/// The cells that a box covers.
+struct Hole(Option<[f64; 4]>);
+
+impl Hole {
+    fn new(bbox: Option<&CenterBox>, cell: usize) -> Hole {
+        Hole(bbox.map(|b| {
+            let cell = cell as f64;
+            let (w, h) = (0.6 * f64::from(b.w), 0.6 * f64::from(b.h));
+            let (cx, cy) = (f64::from(b.cx), f64::from(b.cy));
+            [(cx - w) / cell - 1.0, (cy - h) / cell - 1.0, (cx + w) / cell, (cy + h) / cell]
+        }))
+    }
+
+    fn contains(&self, column: f64, row: f64) -> bool {
+        self.0.is_some_and(|[x0, y0, x1, y1]| column >= x0 && column <= x1 && row >= y0 && row <= y1)
+    }
+}
+
+/// Solves four equations by elimination with pivots; `None` if they are (nearly) dependent.
+fn solve(mut m: [[f64; 4]; 4], mut r: [f64; 4]) -> Option<[f64; 4]> {
+    for i in 0..4 {
+        let pivot = (i..4).max_by(|&a, &b| m[a][i].abs().total_cmp(&m[b][i].abs()))?;
+        m.swap(i, pivot);
+        r.swap(i, pivot);
+        if m[i][i].abs() < 1e-6 {
+            return None;
+        }
+        for j in i + 1..4 {
+            let factor = m[j][i] / m[i][i];
+            let upper = m[i];
+            for (lower, upper) in m[j].iter_mut().zip(upper).skip(i) {
+                *lower -= factor * upper;
+            }
+            r[j] -= factor * r[i];
+        }
+    }
+    for i in (0..4).rev() {
+        let known: f64 = (i + 1..4).map(|j| m[i][j] * r[j]).sum();
+        r[i] = (r[i] - known) / m[i][i];
+    }
+    r.iter().all(|v| v.is_finite()).then_some(r)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::ChannelOrder;
+
+    const WIDTH: usize = 320;
+    const HEIGHT: usize = 180;
+
+    /// Smooth texture as seen after `motion`: the pixel at `motion(p)` shows what was at `p`.
+    fn picture(motion: &Motion) -> Vec<u8> {
+        let det = (1.0 + motion.a).powi(2) + motion.b.powi(2);
+        let mut out = Vec::with_capacity(WIDTH * HEIGHT);
+        for y in 0..HEIGHT {
+            for x in 0..WIDTH {
+                let (u, v) = (x as f64 - motion.x, y as f64 - motion.y);
+                let (u, v) = (
+                    ((1.0 + motion.a) * u + motion.b * v) / det,
+                    ((1.0 + motion.a) * v - motion.b * u) / det,
+                );
+                let wave =
+                    (0.071 * u).sin() + (0.093 * v + 1.0).sin() + (0.05 * (u + v)).cos() * (0.031 * u).sin();
+                out.push((128.0 + 35.0 * wave) as u8);
+            }
+        }
+        out
+    }
+
+    fn found(motion: &Motion) -> Motion {
+        let mut camera = CameraMotion::default();
+        let (a, b) = (picture(&Motion::default()), picture(motion));
+        let frame = |data| Frame::new(data, WIDTH, HEIGHT, ChannelOrder::Gray).unwrap();
+        assert_eq!(camera.observe(&frame(&a), None), Motion::default());
+        camera.observe(&frame(&b), None)
+    }
+
+    #[test]
+    fn finds_shift_turn_and_zoom() {
+        for truth in [
+            Motion::default(),
+            Motion::shift(3.0, -2.0),
+            Motion::shift(-31.0, 14.5),
+            Motion { a: 0.02, b: -0.015, x: 5.0, y: 3.0 },
+        ] {
+            let motion = found(&truth);
+            for (x, y) in [(40.0, 30.0), (160.0, 90.0), (280.0, 150.0)] {
+                let ((ax, ay), (bx, by)) = (truth.apply(x, y), motion.apply(x, y));
+                assert!((ax - bx).hypot(ay - by) < 0.6, "{truth:?} found as {motion:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn odd_frames_give_no_motion() {
+        let mut camera = CameraMotion::default();
+        for (w, h) in [(1, 1), (7, 300), (640, 2), (33, 33), (33, 33)] {
+            let data = vec![77u8; w * h];
+            let motion = camera.observe(&Frame::new(&data, w, h, ChannelOrder::Gray).unwrap(), None);
+            assert_eq!(motion, Motion::default(), "{w}x{h}");
+        }
+    }
+
+    #[test]
+    fn four_equations() {
+        let m = [[0.0, 2.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0], [0.0, 1.0, 0.0, 4.0]];
+        let x = solve(m, [8.0, 5.0, 9.0, 18.0]).unwrap();
+        for (found, expected) in x.into_iter().zip([5.0, 2.0, 3.0, 4.0]) {
+            assert!((found - expected).abs() < 1e-12);
+        }
+        assert_eq!(solve([[1.0; 4]; 4], [1.0; 4]), None);
+    }
+}

@@ -1,0 +1,326 @@
+//! What speaks for and against a chosen box: numbers from the response, the identity-related features and the motion.
+
+use super::candidates::{self, Candidate, MAX_CANDIDATES};
+use crate::bbox::{BBox, CenterBox};
+use crate::net::Network;
+use crate::scratch::Map;
+use crate::select::{Choice, Selector};
+use crate::tracker::Seen;
+use weights_format::Architecture;
+
+/// Pieces of evidence.
+pub const COUNT: usize = 12;
+
+/// One name per piece of evidence, in the order of [`Evidence::values`].
+///
+/// | name | meaning |
+/// |---|---|
+/// | `score` | log-odds of the chosen cell's score |
+/// | `second` | best score of another object over the chosen one's |
+/// | `sharpness` | logarithm of the average peak-to-correlation energy |
+/// | `agreement` | mean IoU of the neighbouring cells' boxes with the chosen one |
+/// | `identity` | cosine of the identity-related features with the template's, both less the region's mean |
+/// | `likeness` | the same without taking the mean away |
+/// | `familiar` | cosine with what the target looked like when it was last seen well |
+/// | `margin` | `identity` less the best of the other candidates' |
+/// | `shape` | change of size and aspect that the network asks for |
+/// | `score_drop` | `score` less what it usually was |
+/// | `identity_drop` | `identity` less what it usually was |
+/// | `motion` | distance from the predicted place, in target sides |
+pub const NAMES: [&str; COUNT] = [
+    "score",
+    "second",
+    "sharpness",
+    "agreement",
+    "identity",
+    "likeness",
+    "familiar",
+    "margin",
+    "shape",
+    "score_drop",
+    "identity_drop",
+    "motion",
+];
+
+/// What speaks for and against a box; every number is finite and of moderate size.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evidence {
+    /// In the order of [`NAMES`].
+    pub values: [f64; COUNT],
+}
+
+/// A chosen box in frame pixels with its evidence.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Finding {
+    pub bbox: CenterBox,
+    pub score: f32,
+    pub evidence: Evidence,
+}
+
+/// Weighs what the network last saw; remembers how the target usually looks.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Witness {
+    mean: Vec<f32>,                 // [channels]: of the search region's features
+    window: Vec<f32>,               // features at the chosen box, less the mean
+    familiar: Vec<f32>,             // running mean of good windows; empty before the first
+    usual: Option<(f64, f64)>,      // running means of `score` and `identity`
+    pub candidates: Vec<Candidate>, // of the last search, best first
+}
+
+/// Share of a new observation in the running means.
+const LEARNING: f32 = 0.05;
+
+impl Witness {
+    /// Forgets everything of an earlier target.
+    pub(crate) fn reset(&mut self) {
+        self.familiar.clear();
+        self.usual = None;
+        self.candidates.clear();
+    }
+
+    /// Judges the choice of the last search; `None` if it chose nothing. `motion` is the chosen box's distance from where
+    /// it was expected, asked for by the box in frame pixels.
+    pub(crate) fn judge(
+        &mut self,
+        network: &Network,
+        selector: &Selector,
+        seen: &Seen,
+        motion: impl Fn(&CenterBox) -> f64,
+    ) -> Option<Finding> {
+        self.candidates.clear();
+        let choice = seen.choice?;
+        let outputs = network.outputs();
+        let (template, search) = network.identity();
+        mean(search, &mut self.mean);
+        let view = View { seen, selector };
+
+        candidates::find(outputs, selector, &choice, &mut self.candidates);
+        let mut candidates = std::mem::take(&mut self.candidates);
+        for candidate in &mut candidates {
+            let crop_box = candidate.bbox.center();
+            candidate.similarity = self.similarity(template, search, selector, &crop_box).0 as f32;
+            candidate.bbox = view.in_frame(&crop_box).corner();
+        }
+        self.candidates = candidates;
+        // Last, so that `window` holds the chosen box's features.
+        let (identity, likeness) = self.similarity(template, search, selector, &choice.bbox);
+        let bbox = view.in_frame(&choice.bbox);
+
+        let others = self.candidates.get(1..).unwrap_or_default();
+        let second = others.iter().map(|c| f64::from(c.score)).fold(0.0, f64::max) / choice.score.max(1e-6);
+        let rival = others.iter().map(|c| f64::from(c.similarity)).fold(0.0, f64::max);
+        let score = log_odds(choice.score);
+        let (usual_score, usual_identity) = self.usual.unwrap_or((score, identity));
+        let values = [
+            score,
+            second.min(1.0),
+            sharpness(&outputs.score),
+            agreement(outputs, selector, &choice),
+            identity,
+            likeness,
+            if self.familiar.is_empty() { identity } else { cosine(&self.familiar, &self.window) },
+            identity - rival,
+            shape(&choice, seen),
+            (score - usual_score).clamp(-6.0, 6.0),
+            identity - usual_identity,
+            motion(&bbox).min(20.0).ln_1p(),
+        ];
+        let evidence = Evidence { values: values.map(|v| if v.is_finite() { v } else { 0.0 }) };
+        Some(Finding { bbox, score: choice.score as f32, evidence })
+    }
+
+    /// Takes the last judged box for the target as it looks now, as far as `presence` says so.
+    pub(crate) fn learn(&mut self, evidence: &Evidence, presence: f64) {
+        let rate = LEARNING * presence as f32;
+        if self.familiar.len() != self.window.len() {
+            self.familiar.clone_from(&self.window);
+        }
+        for (old, new) in self.familiar.iter_mut().zip(&self.window) {
+            *old += rate * (new - *old);
+        }
+        let (score, identity) = (evidence.values[0], evidence.values[4]);
+        let (usual_score, usual_identity) = self.usual.get_or_insert((score, identity));
+        *usual_score += f64::from(rate) * (score - *usual_score);
+        *usual_identity += f64::from(rate) * (identity - *usual_identity);
+    }
+
+    /// Cosine of the template with the features around a box given in crop pixels, without and with the common mean; the
+    /// best of the nine places around the box. Leaves the features of that place in `window`.
+    fn similarity(
+        &mut self,
+        template: &Map,
+        search: &Map,
+        selector: &Selector,
+        bbox: &CenterBox,
+    ) -> (f64, f64) {
+        let (side, reach) = (template.size().h, search.size().h);
+        if side == 0 || reach < side || template.channels() != search.channels() {
+            return (0.0, 0.0);
+        }
+        let stride = Architecture::TOTAL_STRIDE as f64;
+        let start = (reach + 1).saturating_sub(side + selector.side()) as f64 / 2.0;
+        let last = (reach - side) as f64;
+        let place = |centre: f32| {
+            let cell = (f64::from(centre) - selector.geometry().0) / stride + start;
+            cell.round().clamp(0.0, last) as usize
+        };
+        let (row, column) = (place(bbox.cy), place(bbox.cx));
+        let mut best = (f64::MIN, 0.0, row, column);
+        for y in row.saturating_sub(1)..=(row + 1).min(reach - side) {
+            for x in column.saturating_sub(1)..=(column + 1).min(reach - side) {
+                let (centred, plain) = compare(template, search, &self.mean, y, x);
+                if centred > best.0 {
+                    best = (centred, plain, y, x);
+                }
+            }
+        }
+        self.window.clear();
+        let (channels, edge) = (search.channels(), inner(side));
+        for y in best.2 + edge..best.2 + side - edge {
+            for x in best.3 + edge..best.3 + side - edge {
+                let pixel = &search.values()[(y * reach + x) * channels..][..channels];
+                self.window.extend(pixel.iter().zip(&self.mean).map(|(v, m)| v - m));
+            }
+        }
+        (best.0, best.1)
+    }
+}
+
+/// Cells at the template's edge that are left out: they show its surroundings.
+fn inner(side: usize) -> usize {
+    usize::from(side >= 4)
+}
+
+/// Cosine of the template's inner features with the search region's at an offset: less the mean, and plain.
+fn compare(template: &Map, search: &Map, mean: &[f32], y: usize, x: usize) -> (f64, f64) {
+    let (side, reach, channels) = (template.size().h, search.size().w, template.channels());
+    let edge = inner(side);
+    let [mut tt, mut ss, mut ts] = [0f32; 3];
+    let [mut plain_tt, mut plain_ss, mut plain_ts] = [0f32; 3];
+    for row in edge..side - edge {
+        for column in edge..side - edge {
+            let t = &template.values()[(row * side + column) * channels..][..channels];
+            let s = &search.values()[((y + row) * reach + x + column) * channels..][..channels];
+            for ((t, s), m) in t.iter().zip(s).zip(mean) {
+                plain_tt += t * t;
+                plain_ss += s * s;
+                plain_ts += t * s;
+                let (t, s) = (t - m, s - m);
+                tt += t * t;
+                ss += s * s;
+                ts += t * s;
+            }
+        }
+    }
+    let cosine = |ts: f32, tt: f32, ss: f32| f64::from(ts / (tt * ss).sqrt().max(1e-12));
+    (cosine(ts, tt, ss), cosine(plain_ts, plain_tt, plain_ss))
+}
+
+fn cosine(a: &[f32], b: &[f32]) -> f64 {
+    let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+    f64::from(dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(1e-12))
+}
+
+/// Mean of every channel.
+fn mean(map: &Map, out: &mut Vec<f32>) {
+    out.clear();
+    out.resize(map.channels(), 0.0);
+    for pixel in map.values().chunks_exact(map.channels().max(1)) {
+        for (sum, v) in out.iter_mut().zip(pixel) {
+            *sum += v;
+        }
+    }
+    let cells = map.size().area().max(1) as f32;
+    out.iter_mut().for_each(|sum| *sum /= cells);
+}
+
+/// From crop pixels of a search to frame pixels.
+struct View<'a> {
+    seen: &'a Seen,
+    selector: &'a Selector,
+}
+
+impl View<'_> {
+    fn in_frame(&self, bbox: &CenterBox) -> CenterBox {
+        let (scale, middle) = (self.seen.scale, self.selector.geometry().1);
+        let position =
+            |around: f32, crop: f32| (f64::from(around) + (f64::from(crop) - middle) / scale) as f32;
+        let size = |crop: f32| (f64::from(crop) / scale) as f32;
+        CenterBox {
+            cx: position(self.seen.around.cx, bbox.cx),
+            cy: position(self.seen.around.cy, bbox.cy),
+            w: size(bbox.w),
+            h: size(bbox.h),
+        }
+    }
+}
+
+pub(crate) fn log_odds(p: f64) -> f64 {
+    let p = p.clamp(1e-4, 1.0 - 1e-4);
+    (p / (1.0 - p)).ln()
+}
+
+/// `ln((max - min)^2 / mean((s - min)^2))`: average peak-to-correlation energy (Wang, Liu, Huang, CVPR 2017).
+fn sharpness(scores: &[f32]) -> f64 {
+    let finite = || scores.iter().copied().filter(|s| s.is_finite());
+    let (least, most) = (finite().fold(f32::MAX, f32::min), finite().fold(f32::MIN, f32::max));
+    let energy: f32 = finite().map(|s| (s - least) * (s - least)).sum::<f32>() / scores.len().max(1) as f32;
+    let range = f64::from(most - least);
+    (range * range / f64::from(energy).max(1e-12)).max(1.0).ln()
+}
+
+/// Mean IoU of the boxes of the eight cells around the chosen one with its own.
+fn agreement(outputs: &crate::net::Outputs, selector: &Selector, choice: &Choice) -> f64 {
+    let n = selector.side();
+    let (row, column) = (choice.index / n, choice.index % n);
+    let chosen = choice.bbox.corner();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for y in row.saturating_sub(1)..=(row + 1).min(n - 1) {
+        for x in column.saturating_sub(1)..=(column + 1).min(n - 1) {
+            if (y, x) != (row, column) {
+                let bbox: BBox = selector.decode(y, x, &outputs.ltrb[4 * (y * n + x)..][..4]).corner();
+                sum += f64::from(bbox.iou(&chosen));
+                count += 1.0;
+            }
+        }
+    }
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
+/// `ln` of the change of size times the change of aspect, 0 for none.
+fn shape(choice: &Choice, seen: &Seen) -> f64 {
+    let ratio = |new: f32, old: f32| f64::from(new) / (f64::from(old) * seen.scale).max(1e-6);
+    let (w, h) = (ratio(choice.bbox.w, seen.around.w), ratio(choice.bbox.h, seen.around.h));
+    let (size, aspect) = ((w * h).max(1e-6).sqrt().ln().abs(), (w / h.max(1e-6)).max(1e-6).ln().abs());
+    (size + aspect).min(4.0)
+}
+
+const _: () = assert!(MAX_CANDIDATES >= 2);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lone_peak_is_sharper_than_a_plateau() {
+        let mut lone = vec![0.01f32; 289];
+        lone[144] = 0.9;
+        let plateau: Vec<f32> = (0..289).map(|i| if i % 2 == 0 { 0.9 } else { 0.01 }).collect();
+        assert!(sharpness(&lone) > sharpness(&plateau) + 2.0);
+        assert_eq!(sharpness(&[0.5; 9]), 0.0);
+        assert!(sharpness(&[f32::NAN, 0.1, 0.9]).is_finite());
+    }
+
+    #[test]
+    fn cosine_of_vectors() {
+        assert!((cosine(&[1.0, 2.0], &[2.0, 4.0]) - 1.0).abs() < 1e-6);
+        assert_eq!(cosine(&[1.0, 0.0], &[0.0, 3.0]), 0.0);
+        assert_eq!(cosine(&[0.0; 3], &[1.0; 3]), 0.0);
+    }
+
+    #[test]
+    fn log_odds_stay_finite() {
+        assert_eq!(log_odds(0.5), 0.0);
+        assert!(log_odds(0.0).is_finite() && (log_odds(1.0) + log_odds(0.0)).abs() < 1e-9);
+    }
+}

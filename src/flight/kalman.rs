@@ -1,0 +1,178 @@
+//! Where the target goes on its own: a constant-velocity Kalman filter in the scene's frame of reference.
+//!
+//! Positions are in frame pixels; [`Motion`] carries them from one frame to the next before the filter predicts, so
+//! that its velocity is the target's own and not the camera's. State per axis: position and velocity; source: Bar-Shalom,
+//! Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation", section 6.3 (white-noise acceleration).
+
+use super::camera::Motion;
+use crate::bbox::CenterBox;
+
+/// Standard deviation of the acceleration, in target sides per frame squared.
+const ACCELERATION: f64 = 0.02;
+/// Standard deviation of a measured centre, in target sides.
+const MEASUREMENT: f64 = 0.05;
+/// Share of the velocity that is kept per frame without a measurement: far predictions slow down.
+const KEPT_VELOCITY: f64 = 0.97;
+
+/// Position and velocity along one axis with their covariance.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Axis {
+    position: f64,
+    velocity: f64,
+    variance: [f64; 3], // position, both, velocity
+}
+
+impl Axis {
+    fn predict(&mut self, acceleration: f64) {
+        let [p, c, v] = self.variance;
+        let q = acceleration * acceleration;
+        self.position += self.velocity;
+        self.variance = [p + 2.0 * c + v + q / 4.0, c + v + q / 2.0, v + q];
+    }
+
+    fn correct(&mut self, measured: f64, variance: f64) {
+        let [p, c, v] = self.variance;
+        let innovation = measured - self.position;
+        let (gain, velocity_gain) = (p / (p + variance), c / (p + variance));
+        self.position += gain * innovation;
+        self.velocity += velocity_gain * innovation;
+        self.variance = [(1.0 - gain) * p, (1.0 - gain) * c, v - velocity_gain * c];
+    }
+}
+
+/// The filter: centre with velocity, and the size that the target had when it was last seen well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Kalman {
+    x: Axis,
+    y: Axis,
+    w: f64,
+    h: f64,
+}
+
+impl Kalman {
+    /// A target that stands still.
+    pub(crate) fn new(bbox: &CenterBox) -> Kalman {
+        let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
+        let side = (w * h).sqrt();
+        let variance = [(MEASUREMENT * side).powi(2), 0.0, (0.1 * side).powi(2)];
+        let axis = |position: f32| Axis { position: position.into(), velocity: 0.0, variance };
+        Kalman { x: axis(bbox.cx), y: axis(bbox.cy), w, h }
+    }
+
+    fn side(&self) -> f64 {
+        (self.w * self.h).sqrt().max(1.0)
+    }
+
+    /// Carries the state into the next frame: the camera's motion, then the target's own.
+    pub(crate) fn predict(&mut self, motion: &Motion) {
+        let (cx, cy) = motion.apply(self.x.position, self.y.position);
+        let (vx, vy) = motion.turn(self.x.velocity, self.y.velocity);
+        (self.x.position, self.y.position, self.x.velocity, self.y.velocity) = (cx, cy, vx, vy);
+        self.w *= motion.scale();
+        self.h *= motion.scale();
+        let acceleration = ACCELERATION * self.side();
+        self.x.predict(acceleration);
+        self.y.predict(acceleration);
+    }
+
+    /// Learns where the target was seen; the less `trust` in `(0, 1]`, the less it moves.
+    pub(crate) fn correct(&mut self, bbox: &CenterBox, trust: f64) {
+        let variance = (MEASUREMENT * self.side() / trust.clamp(0.01, 1.0)).powi(2);
+        self.x.correct(bbox.cx.into(), variance);
+        self.y.correct(bbox.cy.into(), variance);
+    }
+
+    /// Takes over the size of a box that was seen well.
+    pub(crate) fn resize(&mut self, bbox: &CenterBox) {
+        (self.w, self.h) = (bbox.w.into(), bbox.h.into());
+    }
+
+    /// A frame has gone by in which the target was not seen.
+    pub(crate) fn coast(&mut self) {
+        self.x.velocity *= KEPT_VELOCITY;
+        self.y.velocity *= KEPT_VELOCITY;
+    }
+
+    /// Keeps the centre within half a frame around the frame, so that a drifting guess stays of use.
+    pub(crate) fn bound(&mut self, width: usize, height: usize) {
+        let (width, height) = (width as f64, height as f64);
+        self.x.position = self.x.position.clamp(-0.5 * width, 1.5 * width);
+        self.y.position = self.y.position.clamp(-0.5 * height, 1.5 * height);
+        self.w = self.w.clamp(1.0, width);
+        self.h = self.h.clamp(1.0, height);
+    }
+
+    /// Where the target should be.
+    pub(crate) fn bbox(&self) -> CenterBox {
+        CenterBox {
+            cx: self.x.position as f32,
+            cy: self.y.position as f32,
+            w: self.w as f32,
+            h: self.h as f32,
+        }
+    }
+
+    /// Distance of a centre from the prediction, in target sides.
+    pub(crate) fn distance(&self, bbox: &CenterBox) -> f64 {
+        let (dx, dy) = (f64::from(bbox.cx) - self.x.position, f64::from(bbox.cy) - self.y.position);
+        dx.hypot(dy) / self.side()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(cx: f32, cy: f32) -> CenterBox {
+        CenterBox { cx, cy, w: 20.0, h: 10.0 }
+    }
+
+    #[test]
+    fn learns_a_velocity_and_goes_on_with_it() {
+        let mut kalman = Kalman::new(&at(100.0, 50.0));
+        for step in 1..=30 {
+            kalman.predict(&Motion::default());
+            kalman.correct(&at(100.0 + 3.0 * step as f32, 50.0 - step as f32), 1.0);
+        }
+        for _ in 0..10 {
+            kalman.predict(&Motion::default());
+        }
+        let end = kalman.bbox();
+        assert!((end.cx - 220.0).abs() < 2.0 && (end.cy - 10.0).abs() < 2.0, "{end:?}");
+        assert!(kalman.distance(&at(220.0, 10.0)) < 0.2);
+    }
+
+    #[test]
+    fn the_cameras_motion_is_not_the_targets() {
+        let mut kalman = Kalman::new(&at(100.0, 50.0));
+        let pan = Motion::shift(-7.0, 2.0);
+        for step in 1..=20 {
+            kalman.predict(&pan);
+            kalman.correct(&at(100.0 - 7.0 * step as f32, 50.0 + 2.0 * step as f32), 1.0);
+        }
+        kalman.predict(&Motion::default());
+        let still = kalman.bbox();
+        assert!((still.cx + 40.0).abs() < 0.5 && (still.cy - 90.0).abs() < 0.5, "{still:?}");
+    }
+
+    #[test]
+    fn distrusted_measurements_move_it_less() {
+        let (mut trusting, mut wary) = (Kalman::new(&at(0.0, 0.0)), Kalman::new(&at(0.0, 0.0)));
+        for (kalman, trust) in [(&mut trusting, 1.0), (&mut wary, 0.05)] {
+            kalman.predict(&Motion::default());
+            kalman.correct(&at(10.0, 0.0), trust);
+        }
+        assert!(wary.bbox().cx < 0.3 * trusting.bbox().cx);
+    }
+
+    #[test]
+    fn stays_near_the_frame() {
+        let mut kalman = Kalman::new(&at(0.0, 0.0));
+        for _ in 0..100 {
+            kalman.predict(&Motion::shift(900.0, -900.0));
+            kalman.bound(640, 360);
+        }
+        let end = kalman.bbox();
+        assert_eq!((end.cx, end.cy), (960.0, -180.0));
+    }
+}

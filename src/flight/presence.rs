@@ -1,0 +1,181 @@
+//! From evidence to the probability that the box is on the target: a logistic model with a short memory.
+//!
+//! Coefficients are fitted for one set of weights and travel with them, in the note `presence` of the weights file:
+//! lines of `name value`. Weights without the note get the compiled-in ones.
+
+use super::evidence::{COUNT, Evidence, NAMES};
+use weights_format::Header;
+
+/// Key of the note in a weights file's provenance.
+pub const NOTE: &str = "presence";
+
+/// Coefficients for weights that bring none.
+const DEFAULT: &str = include_str!("presence.txt");
+
+/// Largest magnitude of a coefficient that is believed.
+const MOST: f64 = 1e3;
+
+/// A logistic model of presence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Presence {
+    /// Log-odds without any evidence.
+    pub bias: f64,
+    /// Log-odds per unit of evidence, in the order of [`NAMES`].
+    pub weights: [f64; COUNT],
+    /// Share of the frame before in the smoothed log-odds, in `[0, 1)`.
+    pub memory: f64,
+    /// Stretches the smoothed log-odds, so that they are calibrated.
+    pub gain: f64,
+    /// Shifts the stretched log-odds.
+    pub shift: f64,
+}
+
+/// Coefficients that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("presence coefficients: {field} is {found}, expected {expected}")]
+pub struct PresenceError {
+    /// Which one.
+    pub field: String,
+    /// What was found.
+    pub found: String,
+    /// What was expected.
+    pub expected: &'static str,
+}
+
+impl Presence {
+    /// The coefficients that a weights file brings, or the compiled-in ones.
+    ///
+    /// # Errors
+    /// If the file's note is there but wrong.
+    pub fn of(header: &Header) -> Result<Presence, PresenceError> {
+        header
+            .provenance
+            .notes
+            .get(NOTE)
+            .map_or_else(|| Presence::parse(DEFAULT), |note| Presence::parse(note))
+    }
+
+    /// Reads lines of `name value`: `bias`, `memory`, `gain`, `shift` and every name of [`NAMES`], each once.
+    ///
+    /// # Errors
+    /// Names the first field that is missing, unknown, twice there, or not a number of bounded size.
+    pub fn parse(text: &str) -> Result<Presence, PresenceError> {
+        let wrong = |field: &str, found: &str, expected| PresenceError {
+            field: field.chars().take(40).collect(),
+            found: found.chars().take(40).collect(),
+            expected,
+        };
+        let others = ["bias", "memory", "gain", "shift"];
+        let mut values = [None; COUNT + 4];
+        for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+            let (name, number) = line.split_once(' ').unwrap_or((line, ""));
+            let index = others.iter().chain(&NAMES).position(|known| *known == name);
+            let index = index.ok_or_else(|| wrong(name, "unknown", "a known name"))?;
+            let value: Option<f64> = number.trim().parse().ok().filter(|v: &f64| v.abs() <= MOST);
+            let value = value.ok_or_else(|| wrong(name, number, "a number of at most 1000"))?;
+            if values[index].replace(value).is_some() {
+                return Err(wrong(name, "there twice", "one line"));
+            }
+        }
+        let mut numbers = [0.0; COUNT + 4];
+        for ((number, value), name) in numbers.iter_mut().zip(values).zip(others.iter().chain(&NAMES)) {
+            *number = value.ok_or_else(|| wrong(name, "missing", "a line with its value"))?;
+        }
+        let [bias, memory, gain, shift, weights @ ..] = numbers;
+        if !(0.0..1.0).contains(&memory) {
+            return Err(wrong("memory", &memory.to_string(), "a number in [0, 1)"));
+        }
+        if gain <= 0.0 {
+            return Err(wrong("gain", &gain.to_string(), "a number above 0"));
+        }
+        Ok(Presence { bias, weights, memory, gain, shift })
+    }
+
+    /// The lines that [`parse`](Self::parse) reads.
+    pub fn to_text(&self) -> String {
+        let others =
+            [("bias", self.bias), ("memory", self.memory), ("gain", self.gain), ("shift", self.shift)];
+        let weights = NAMES.into_iter().zip(self.weights);
+        others.into_iter().chain(weights).map(|(name, value)| format!("{name} {value}\n")).collect()
+    }
+
+    /// Log-odds of one look on its own.
+    pub fn log_odds(&self, evidence: &Evidence) -> f64 {
+        self.bias + self.weights.iter().zip(&evidence.values).map(|(w, v)| w * v).sum::<f64>()
+    }
+
+    /// Probability of one look on its own.
+    pub fn alone(&self, evidence: &Evidence) -> f64 {
+        sigmoid(self.log_odds(evidence))
+    }
+}
+
+/// Presence over consecutive frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Smoothed {
+    log_odds: Option<f64>,
+}
+
+impl Smoothed {
+    /// The probability after one more look.
+    pub(crate) fn add(&mut self, presence: &Presence, evidence: &Evidence) -> f64 {
+        let now = presence.log_odds(evidence).clamp(-12.0, 12.0);
+        let smoothed =
+            self.log_odds.map_or(now, |before| presence.memory * before + (1.0 - presence.memory) * now);
+        self.log_odds = Some(smoothed);
+        sigmoid(presence.gain * smoothed + presence.shift)
+    }
+}
+
+pub(crate) fn sigmoid(v: f64) -> f64 {
+    1.0 / (1.0 + (-v).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weights_format::{Architecture, Widths};
+
+    fn some() -> Presence {
+        let weights = std::array::from_fn(|i| i as f64 / 4.0 - 1.0);
+        Presence { bias: -0.5, weights, memory: 0.5, gain: 1.25, shift: 0.0 }
+    }
+
+    #[test]
+    fn text_and_back() {
+        assert_eq!(Presence::parse(&some().to_text()), Ok(some()));
+        let mut header = Header::new(Architecture::new(Widths::FULL, None));
+        assert_eq!(Presence::of(&header), Presence::parse(DEFAULT));
+        header.provenance.notes.insert(NOTE.into(), some().to_text());
+        assert_eq!(Presence::of(&header), Ok(some()));
+        header.provenance.notes.insert(NOTE.into(), "junk".into());
+        assert!(Presence::of(&header).is_err());
+    }
+
+    #[test]
+    fn says_what_is_wrong() {
+        let text = some().to_text();
+        for (bad, part) in [
+            (String::new(), "bias is missing"),
+            (format!("{text}bias 1\n"), "bias is there twice"),
+            (format!("{text}colour 1\n"), "colour is unknown"),
+            (text.replace("memory 0.5", "memory 1"), "memory is 1"),
+            (text.replace("gain 1.25", "gain 0"), "gain is 0"),
+            (text.replace("bias -0.5", "bias NaN"), "bias is NaN"),
+            (text.replace("bias -0.5", "bias 1e9"), "bias is 1e9"),
+        ] {
+            let message = Presence::parse(&bad).unwrap_err().to_string();
+            assert!(message.contains(part), "{message}");
+        }
+    }
+
+    #[test]
+    fn smoothing_follows_with_delay() {
+        let presence = Presence { weights: [1.0; COUNT], bias: 0.0, memory: 0.5, gain: 1.0, shift: 0.0 };
+        let (good, bad) = (Evidence { values: [1.0; COUNT] }, Evidence { values: [-1.0; COUNT] });
+        let mut smoothed = Smoothed::default();
+        assert_eq!(smoothed.add(&presence, &good), presence.alone(&good));
+        assert_eq!(smoothed.add(&presence, &bad), 0.5);
+        assert!(smoothed.add(&presence, &bad) < 0.01);
+    }
+}

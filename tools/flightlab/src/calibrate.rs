@@ -1,0 +1,122 @@
+//! `calibrate`: collect, fit, measure, write.
+
+use std::path::Path;
+
+use track_cpu::flight::{EVIDENCE_NAMES, PRESENCE_NOTE, Presence};
+use weights_format::{Storage, Weights};
+
+use crate::collect::{Sample, Samples, collect};
+use crate::fit::{Inputs, logistic};
+use crate::measure::{auroc, log_loss, reliability};
+use crate::{CalibrateArgs, Failure, load};
+
+/// Shares of the frame before that are tried.
+const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
+
+/// Runs the sub-command.
+pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
+    let model = load(args.model.as_ref())?;
+    let train = collect(&model, &args.flights, args.seed)?;
+    let presence = fit(&train)?;
+    print!("{}", presence.to_text());
+    report("fitted to", &presence, &train);
+    let test = collect(&model, &args.flights, args.test_seed)?;
+    report("measured on other flights", &presence, &test);
+    for (index, name) in EVIDENCE_NAMES.iter().enumerate() {
+        let alone = auroc(&labelled(&test, |s| s.evidence.values[index]));
+        println!("AUROC of {name} alone: {}", shown(alone));
+    }
+    if let Some(path) = &args.text {
+        std::fs::write(path, presence.to_text())
+            .map_err(|error| Failure::File(path.clone(), error.to_string()))?;
+    }
+    args.into.as_deref().map_or(Ok(()), |path| write(path, &presence))
+}
+
+/// Adds the coefficients to a weights file.
+fn write(path: &Path, presence: &Presence) -> Result<(), Failure> {
+    let mut weights = Weights::read(path)?;
+    weights.header.provenance.notes.insert(PRESENCE_NOTE.into(), presence.to_text());
+    debug_assert!(matches!(weights.header.storage, Storage::F32 | Storage::F16));
+    weights.write(path)?;
+    Ok(())
+}
+
+fn inputs<'a>(samples: impl Iterator<Item = &'a Sample>) -> Vec<(Inputs, bool)> {
+    samples.filter_map(|s| Some((s.evidence.values, s.on?))).collect()
+}
+
+/// Fits the single look first, then memory, gain and shift of consecutive ones.
+fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
+    let runs = || flights.iter().flat_map(|f| f.runs.iter().flatten());
+    let looks = || flights.iter().flat_map(|f| &f.looks);
+    let all = inputs(runs().chain(looks()));
+    let off = all.iter().filter(|(_, on)| !on).count();
+    eprintln!("{} looks, {off} of them off the target", all.len());
+    if off < 50 || all.len() - off < 50 {
+        let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
+        return Err(Failure::Nothing(needed.into()));
+    }
+    let (bias, weights) = logistic(&all);
+    let plain = Presence { bias, weights, memory: 0.0, gain: 1.0, shift: 0.0 };
+    let tried = MEMORIES.iter().map(|&memory| smooth(plain, memory, flights));
+    let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(best.map_or(plain, |(_, presence)| presence))
+}
+
+/// The model with gain and shift for its memory, and its mean loss.
+fn smooth(mut presence: Presence, memory: f64, flights: &[Samples]) -> (f64, Presence) {
+    presence.memory = memory;
+    let labelled = |(odds, sample): (f64, &Sample)| Some(([odds], sample.on?));
+    let odds: Vec<([f64; 1], bool)> = smoothed(&presence, flights).into_iter().filter_map(labelled).collect();
+    let (shift, [gain]) = logistic(&odds);
+    (presence.gain, presence.shift) = (gain.max(0.05), shift);
+    (log_loss(&probabilities(&presence, flights)), presence)
+}
+
+/// Smoothed log-odds of every frame of every run, as the tracker smooths them.
+fn smoothed<'a>(presence: &Presence, flights: &'a [Samples]) -> Vec<(f64, &'a Sample)> {
+    let mut out = Vec::new();
+    for run in flights.iter().flat_map(|f| &f.runs) {
+        let mut before = None;
+        for sample in run {
+            let now = presence.log_odds(&sample.evidence).clamp(-12.0, 12.0);
+            let odds = before.map_or(now, |b| presence.memory * b + (1.0 - presence.memory) * now);
+            before = Some(odds);
+            out.push((odds, sample));
+        }
+    }
+    out
+}
+
+fn probabilities(presence: &Presence, flights: &[Samples]) -> Vec<(f64, bool)> {
+    let probability = |odds: f64| 1.0 / (1.0 + (-(presence.gain * odds + presence.shift)).exp());
+    smoothed(presence, flights).into_iter().filter_map(|(odds, s)| Some((probability(odds), s.on?))).collect()
+}
+
+fn labelled(flights: &[Samples], value: impl Fn(&Sample) -> f64) -> Vec<(f64, bool)> {
+    let samples = flights.iter().flat_map(|f| f.runs.iter().flatten());
+    samples.filter_map(|s| Some((value(s), s.on?))).collect()
+}
+
+fn shown(auroc: Option<f64>) -> String {
+    auroc.map_or("no absences".into(), |a| format!("{a:.4}"))
+}
+
+fn report(title: &str, presence: &Presence, flights: &[Samples]) {
+    let frames = probabilities(presence, flights);
+    let gone: Vec<(f64, bool)> = smoothed(presence, flights)
+        .into_iter()
+        .filter_map(|(odds, s)| if s.gone { Some((odds, false)) } else { s.on?.then_some((odds, true)) })
+        .collect();
+    let looks: Vec<(f64, bool)> = flights
+        .iter()
+        .flat_map(|f| &f.looks)
+        .filter_map(|s| Some((presence.alone(&s.evidence), s.on?)))
+        .collect();
+    println!("\n{title}: {} flights, {} frames, {} single looks", flights.len(), frames.len(), looks.len());
+    println!("AUROC on/off target {}", shown(auroc(&frames)));
+    println!("AUROC target visible and tracked/gone {}", shown(auroc(&gone)));
+    println!("AUROC single looks {}", shown(auroc(&looks)));
+    println!("{}", reliability(&frames));
+}

@@ -1,0 +1,112 @@
+//! Evidence with the truth about it.
+//!
+//! Two kinds: what the tracker saw frame after frame, running on whether the target was there or not; and looks at the
+//! target's own place and at look-alikes and bare ground, as re-detection takes them.
+
+use track_cpu::flight::{Budget, Evidence, FlightOptions, FlightTracker};
+use track_cpu::{BBox, Model};
+
+use crate::flights::{GONE, OFF, VISIBLE, bbox, each_seed, is_on, play};
+use crate::{Failure, FlightArgs};
+
+/// Frames off a visible target before it is shown to the tracker again.
+const OFF_FRAMES: u32 = 25;
+/// Frames between looks elsewhere.
+const LOOK_EVERY: usize = 5;
+
+/// One look with the truth about it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// What spoke for the box.
+    pub evidence: Evidence,
+    /// Whether the box was on the target; `None` where that is a matter of taste.
+    pub on: Option<bool>,
+    /// Whether the target was gone altogether.
+    pub gone: bool,
+}
+
+/// Looks of one flight.
+#[derive(Clone, Debug, Default)]
+pub struct Samples {
+    /// Consecutive frames; a new run begins where the target was shown again.
+    pub runs: Vec<Vec<Sample>>,
+    /// Single looks.
+    pub looks: Vec<Sample>,
+}
+
+/// Collects from all flights from `first` on.
+pub fn collect(model: &Model, args: &FlightArgs, first: u64) -> Result<Vec<Samples>, Failure> {
+    each_seed(args, first, |seed| flight(model, args, seed))
+}
+
+fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failure> {
+    let options = FlightOptions { recover: false, ..FlightOptions::new(model) };
+    let mut tracker = FlightTracker::new(model.clone(), options)?;
+    let mut samples = Samples::default();
+    let mut off = u32::MAX; // so that the first frame shows the target
+    let mut chance = Chance(seed);
+    play(args, seed, |index, frame, truth| {
+        let target = bbox(&truth.bbox);
+        let gone = truth.visible <= GONE;
+        if off > OFF_FRAMES {
+            if truth.visible > 0.8 || index == 0 {
+                tracker.init(frame, target)?;
+                samples.runs.push(Vec::new());
+                off = 0;
+            }
+            return Ok(());
+        }
+        let track = tracker.update(frame, Budget::Searches(1))?;
+        let on = is_on(&track.bbox, truth);
+        if let (Some(evidence), Some(run)) = (tracker.evidence(), samples.runs.last_mut()) {
+            run.push(Sample { evidence: *evidence, on, gone });
+        }
+        off = if on == Some(false) && truth.visible > 0.5 { off + 1 } else { 0 };
+        if index % LOOK_EVERY == 0 {
+            let mut places = vec![chance.near(&target, 0.6)];
+            let alike =
+                truth.distractors.iter().map(bbox).filter(|d| d.iou(&target) < OFF && d.area() > 40.0);
+            let alike: Vec<BBox> = alike.collect();
+            if !alike.is_empty() {
+                let one = alike[chance.below(alike.len())];
+                places.push(chance.near(&one, 0.3));
+            }
+            let (x, y) = (chance.unit() * frame.width() as f32, chance.unit() * frame.height() as f32);
+            places.push(BBox::new(x, y, target.w, target.h));
+            for place in places {
+                // The size is the target's, whatever stands there: so does re-detection look.
+                let c = place.center();
+                let around = BBox::new(c.cx - target.w / 2.0, c.cy - target.h / 2.0, target.w, target.h);
+                if let Some((found, evidence)) = tracker.examine(frame, around)? {
+                    let on = is_on(&found, truth).filter(|on| !on || truth.visible > VISIBLE);
+                    samples.looks.push(Sample { evidence, on, gone });
+                }
+            }
+        }
+        Ok(())
+    })?;
+    Ok(samples)
+}
+
+/// A small generator: SplitMix64.
+struct Chance(u64);
+
+impl Chance {
+    fn unit(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        ((self.unit() * n as f32) as usize).min(n.saturating_sub(1))
+    }
+
+    /// The box moved by up to a share of its sides.
+    fn near(&mut self, b: &BBox, share: f32) -> BBox {
+        let (dx, dy) = (2.0 * self.unit() - 1.0, 2.0 * self.unit() - 1.0);
+        BBox::new(b.x + share * dx * b.w, b.y + share * dy * b.h, b.w, b.h)
+    }
+}

@@ -1,0 +1,105 @@
+//! Logistic regression by Newton's method (iteratively reweighted least squares) with a ridge.
+
+use track_cpu::flight::EVIDENCE_COUNT;
+
+const STEPS: usize = 30;
+const RIDGE: f64 = 1e-3; // per sample, on standardised inputs
+
+/// Bias and weights that predict `y` from `x`.
+///
+/// Minimises the mean logistic loss plus `RIDGE` times half the squared weights of the standardised inputs.
+pub fn logistic<const N: usize>(samples: &[([f64; N], bool)]) -> (f64, [f64; N]) {
+    let count = samples.len().max(1) as f64;
+    let mean: [f64; N] = std::array::from_fn(|i| samples.iter().map(|(x, _)| x[i]).sum::<f64>() / count);
+    let deviation: [f64; N] = std::array::from_fn(|i| {
+        let variance = samples.iter().map(|(x, _)| (x[i] - mean[i]).powi(2)).sum::<f64>() / count;
+        variance.sqrt().max(1e-9)
+    });
+    let mut weights = vec![0.0; N + 1];
+    for _ in 0..STEPS {
+        let mut gradient = vec![0.0; N + 1];
+        let mut hessian = vec![vec![0.0; N + 1]; N + 1];
+        for (x, y) in samples {
+            let mut z = vec![1.0; N + 1];
+            for i in 0..N {
+                z[i + 1] = (x[i] - mean[i]) / deviation[i];
+            }
+            let odds: f64 = weights.iter().zip(&z).map(|(w, z)| w * z).sum();
+            let p = 1.0 / (1.0 + (-odds).exp());
+            let curvature = (p * (1.0 - p)).max(1e-9);
+            for i in 0..=N {
+                gradient[i] += z[i] * (f64::from(u8::from(*y)) - p) / count;
+                for j in 0..=N {
+                    hessian[i][j] += curvature * z[i] * z[j] / count;
+                }
+            }
+        }
+        for i in 0..=N {
+            let ridge = if i == 0 { 1e-9 } else { RIDGE };
+            gradient[i] -= ridge * weights[i];
+            hessian[i][i] += ridge;
+        }
+        let step = solve(hessian, gradient);
+        let largest = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
+        let brake = (2.0 / largest.max(1e-12)).min(1.0);
+        weights.iter_mut().zip(&step).for_each(|(w, s)| *w += brake * s);
+        if largest < 1e-9 {
+            break;
+        }
+    }
+    let raw: [f64; N] = std::array::from_fn(|i| weights[i + 1] / deviation[i]);
+    let bias = weights[0] - raw.iter().zip(&mean).map(|(w, m)| w * m).sum::<f64>();
+    (bias, raw)
+}
+
+/// Elimination with pivots; the matrix is positive definite.
+fn solve(mut m: Vec<Vec<f64>>, mut r: Vec<f64>) -> Vec<f64> {
+    let n = r.len();
+    for i in 0..n {
+        let pivot = (i..n).max_by(|&a, &b| m[a][i].abs().total_cmp(&m[b][i].abs())).unwrap_or(i);
+        m.swap(i, pivot);
+        r.swap(i, pivot);
+        for j in i + 1..n {
+            let factor = m[j][i] / m[i][i];
+            let upper = m[i].clone();
+            m[j].iter_mut().zip(&upper).skip(i).for_each(|(lower, upper)| *lower -= factor * upper);
+            r[j] -= factor * r[i];
+        }
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|j| m[i][j] * r[j]).sum();
+        r[i] = (r[i] - known) / m[i][i];
+    }
+    r
+}
+
+/// As many inputs as there is evidence.
+pub type Inputs = [f64; EVIDENCE_COUNT];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recovers_the_coefficients() {
+        // Every x with the share of positives that the model says.
+        let mut samples = Vec::new();
+        for i in -20..=20 {
+            for j in -3..=3 {
+                let x = [f64::from(i) / 5.0, 100.0 + f64::from(j)];
+                let p = 1.0 / (1.0 + (-(1.5 * x[0] - 0.8 * (x[1] - 100.0) + 0.3)).exp());
+                samples.extend((0..100).map(|k| (x, f64::from(k) + 0.5 < 100.0 * p)));
+            }
+        }
+        let (bias, weights) = logistic(&samples);
+        assert!((weights[0] - 1.5).abs() < 0.1 && (weights[1] + 0.8).abs() < 0.06, "{weights:?}");
+        assert!((bias + 100.0 * weights[1] - 0.3).abs() < 0.1, "{bias}");
+    }
+
+    #[test]
+    fn separable_samples_stay_finite() {
+        let samples: Vec<_> = (0..40).map(|i| ([f64::from(i), 1.0], i >= 20)).collect();
+        let (bias, weights) = logistic(&samples);
+        assert!(bias.is_finite() && weights.iter().all(|w| w.is_finite()) && weights[0] > 0.1);
+    }
+}
