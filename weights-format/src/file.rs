@@ -20,7 +20,7 @@ impl Weights {
     /// Names the file and says, as [`from_bytes`](Self::from_bytes) does, what is wrong with it.
     pub fn read(path: &Path) -> Result<Weights, ReadError> {
         let name = |error| ReadError::File { path: path.into(), error: Box::new(error) };
-        let bytes = read_bounded(path).map_err(name)?;
+        let bytes = read_bounded(path, MAX_FILE_BYTES).map_err(name)?;
         Weights::from_bytes(&bytes).map_err(name)
     }
 
@@ -34,23 +34,25 @@ impl Weights {
     }
 }
 
-/// Reads no more than one byte beyond the bound, whatever a file's metadata say about its length.
-fn read_bounded(path: &Path) -> Result<Vec<u8>, ReadError> {
+/// Reads a file of at most `most` bytes, and no more than one byte beyond that, whatever its metadata say about its
+/// length.
+pub(crate) fn read_bounded(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     let file = File::open(path)?;
     let length = file.metadata()?.len();
-    let too_long = |length| ReadError::container("file", format!("at most {MAX_FILE_BYTES} bytes"), length);
-    if length > MAX_FILE_BYTES {
+    let too_long = |length| ReadError::container("file", format!("at most {most} bytes"), length);
+    if length > most {
         return Err(too_long(format!("{length}")));
     }
     let mut bytes = Vec::with_capacity(length as usize);
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
+    file.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
         return Err(too_long("more".into()));
     }
     Ok(bytes)
 }
 
-fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// Writes a file beside its place, then renames it.
+pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let temporary = beside(path)?;
     let written = File::create_new(&temporary).and_then(|mut file| {
         file.write_all(bytes)?;

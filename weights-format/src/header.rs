@@ -68,6 +68,47 @@ impl Default for InputNormalisation {
     }
 }
 
+impl InputNormalisation {
+    /// What this project's trainer feeds its networks: pixels around 0, of a spread around 1.
+    pub const TRAINED: InputNormalisation =
+        InputNormalisation { channel_order: ChannelOrder::Bgr, mean: [114.0; 3], std: [58.0; 3] };
+
+    /// Checks the bounds of FORMAT.md.
+    pub(crate) fn check(&self) -> Result<(), ReadError> {
+        for (mean, std) in self.mean.into_iter().zip(self.std) {
+            within("input.mean", f64::from(mean), -1e3..=1e3)?;
+            within("input.std", f64::from(std), 1e-3..=1e3)?;
+        }
+        Ok(())
+    }
+
+    /// Rewrites a first convolution made for this input so that it computes the same of `other`'s input of the same pixels:
+    /// `weight` is `[Cout, kh, kw, 3]`, `bias` is `[Cout]`, and there is no padding. Nothing changes if both inputs are the
+    /// same.
+    ///
+    /// Panics if there are not three input channels.
+    pub fn translate(&self, other: &InputNormalisation, weight: &mut [f32], bias: &mut [f32]) {
+        if self == other {
+            return;
+        }
+        // With p = std' y + mean', x = (p - mean) / std = y std' / std + (mean' - mean) / std.
+        let f64s = |values: [f32; 3]| values.map(f64::from);
+        let [mean, std] = [f64s(self.mean), f64s(self.std)];
+        let [other_mean, other_std] = [f64s(other.mean), f64s(other.std)];
+        let per_output = weight.len() / bias.len().max(1);
+        assert!(per_output.is_multiple_of(3), "a first convolution has three input channels");
+        for (weight, bias) in weight.chunks_exact_mut(per_output.max(1)).zip(bias) {
+            let mut shift = 0.0;
+            for (i, weight) in weight.iter_mut().enumerate() {
+                let (channel, value) = (i % 3, f64::from(*weight));
+                shift += value * (other_mean[channel] - mean[channel]) / std[channel];
+                *weight = (value * (other_std[channel] / std[channel])) as f32;
+            }
+            *bias = (f64::from(*bias) + shift) as f32;
+        }
+    }
+}
+
 /// The tracker's constants; the default is the row for UAV benchmarks (spec section 2.7, row 1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -200,10 +241,7 @@ impl Header {
         if let Some(ratio) = self.pruning_ratio.filter(|ratio| !(0.0..1.0).contains(ratio)) {
             return Err(ReadError::metadata("pruning_ratio", "a number in [0, 1) or null", ratio));
         }
-        for (mean, std) in self.input.mean.into_iter().zip(self.input.std) {
-            within("input.mean", f64::from(mean), -1e3..=1e3)?;
-            within("input.std", f64::from(std), 1e-3..=1e3)?;
-        }
+        self.input.check()?;
         let tracker = &self.tracker;
         within("tracker.context_amount", f64::from(tracker.context_amount), 0.0..=4.0)?;
         within("tracker.size_lr", tracker.size_lr, 0.0..=1.0)?;
@@ -239,5 +277,37 @@ fn printable(text: &str, expected: &str, good: impl Fn(char) -> bool) -> Result<
     match text.chars().find(|&c| !good(c)) {
         Some(c) => Err(ReadError::metadata("provenance", expected, format!("{c:?}"))),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_translated_convolution_computes_the_same_of_the_same_pixels() {
+        let plain = InputNormalisation::default();
+        let odd = InputNormalisation { mean: [10.0, 20.0, 30.0], std: [2.0, 50.0, 7.0], ..plain };
+        let pixels = [3.0_f64, 250.0, 77.0, 128.0, 0.0, 255.0];
+        let value = |input: &InputNormalisation, weight: &[f32], bias: f32| {
+            let x = |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
+            f64::from(bias) + weight.iter().enumerate().map(|(i, w)| f64::from(*w) * x(i)).sum::<f64>()
+        };
+        let (weight, bias) = ([0.5, -1.0, 0.25, 2.0, 0.125, -0.75], [0.5]);
+        for (from, to) in
+            [(plain, InputNormalisation::TRAINED), (InputNormalisation::TRAINED, odd), (odd, plain)]
+        {
+            let (mut w, mut b) = (weight, bias);
+            from.translate(&to, &mut w, &mut b);
+            let (found, expected) = (value(&to, &w, b[0]), value(&from, &weight, bias[0]));
+            assert!(
+                (found - expected).abs() < 1e-4 * expected.abs().max(1.0),
+                "{found}, expected {expected}"
+            );
+            assert_ne!(w, weight);
+        }
+        let (mut w, mut b) = (weight, bias);
+        odd.translate(&odd.clone(), &mut w, &mut b);
+        assert_eq!((w, b), (weight, bias));
     }
 }

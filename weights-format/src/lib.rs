@@ -16,6 +16,7 @@
 //! | `header` | everything a file says beside its tensors, with its bounds |
 //! | `weights` | header and tensors together: insert, look up, check, random |
 //! | `container` | bytes: the safetensors container, f32 and f16 |
+//! | `unfolded` | a network before folding: between PyTorch and the trainer |
 //! | `file` | paths: bounded reading, atomic writing |
 
 #![forbid(unsafe_code)]
@@ -25,6 +26,7 @@ mod container;
 mod error;
 mod file;
 mod header;
+mod unfolded;
 mod weights;
 
 pub use architecture::{
@@ -33,4 +35,5 @@ pub use architecture::{
 pub use container::{MAX_FILE_BYTES, MAX_HEADER_BYTES};
 pub use error::{ReadError, WriteError};
 pub use header::{ChannelOrder, Header, InputNormalisation, Provenance, Storage, TrackerParams};
+pub use unfolded::Unfolded;
 pub use weights::{Tensor, Weights};

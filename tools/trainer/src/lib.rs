@@ -6,8 +6,11 @@ pub mod data;
 pub mod error;
 pub mod fit;
 pub mod network;
+pub mod plot;
+pub mod prune;
 pub mod rng;
 pub mod show;
+pub mod study;
 pub mod targets;
 #[cfg(test)]
 mod testing;

@@ -8,7 +8,7 @@ use crate::data::sequences::{self, Sequence};
 use crate::data::skipped::Skipped;
 use crate::error::Error;
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -29,7 +29,7 @@ enum Clip {
 }
 
 /// Accuracy on one clip, or the mean over clips; in percent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Accuracy {
     /// Share of frames whose centre is at most 20 pixels off.
     pub precision: f64,
@@ -38,7 +38,7 @@ pub struct Accuracy {
 }
 
 /// Accuracy on all clips.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Per clip: its name, whether its video is also trained on, its accuracy.
     pub clips: Vec<(String, bool, Accuracy)>,

@@ -11,14 +11,24 @@ pub fn batch(samples: &[Sample], architecture: &Architecture) -> Batch {
     let size = samples.first().map_or(architecture.search_size, |sample| sample.search_size);
     let cells = Cells::of(architecture, size);
     let items: Vec<_> = samples.iter().map(|sample| (sample.corners, sample.negative)).collect();
+    let (template, search) = crops_of(samples, architecture);
     Batch {
-        template: crops(samples.iter().map(|s| &s.template), architecture.template_size),
-        search: crops(samples.iter().map(|s| &s.search), size),
+        template,
+        search,
         again: crops(samples.iter().map(|s| &s.again), architecture.template_size),
         positive: samples.iter().map(|sample| !sample.negative).collect(),
         targets: Targets::new(&items, cells),
         cells,
     }
+}
+
+/// Template and search crops of samples whose search crops have one size, normalised.
+pub fn crops_of(samples: &[Sample], architecture: &Architecture) -> (Tensor, Tensor) {
+    let size = samples.first().map_or(architecture.search_size, |sample| sample.search_size);
+    (
+        crops(samples.iter().map(|s| &s.template), architecture.template_size),
+        crops(samples.iter().map(|s| &s.search), size),
+    )
 }
 
 /// Crops of bytes as one tensor `[batch, side, side, 3]`, normalised.

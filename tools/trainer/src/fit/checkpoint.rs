@@ -31,6 +31,9 @@ pub struct Position {
     pub finished: bool,
     /// The best validation so far and its step.
     pub best: Option<(f64, u64)>,
+    /// What was done to the parameters before this run: a sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub history: Vec<String>,
 }
 
 /// A run's tensors by kind and name.
@@ -53,8 +56,17 @@ const MAX_BYTES: u64 = 4 << 30;
 impl Position {
     /// A run that has not begun.
     pub fn start(options: FitOptions, data: Vec<String>, data_options: DataOptions) -> Position {
-        let best = None;
-        Position { format: FORMAT, options, data, data_options, step: 0, seconds: 0.0, finished: false, best }
+        Position {
+            format: FORMAT,
+            options,
+            data,
+            data_options,
+            step: 0,
+            seconds: 0.0,
+            finished: false,
+            best: None,
+            history: Vec::new(),
+        }
     }
 }
 
@@ -102,17 +114,52 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     written.map_err(Error::io(path))
 }
 
-/// Reads a checkpoint.
+/// What a safetensors file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A run.
+    Checkpoint,
+    /// A network's parameters, normalisations apart.
+    Unfolded,
+    /// A weights file, normalisations folded in.
+    Weights,
+}
+
+/// Which kind of file this is.
 ///
 /// # Errors
-/// If the file cannot be read or is not a checkpoint of this version.
-pub fn load(path: &Path) -> Result<(Position, State), Error> {
+/// If it cannot be read or is none of them.
+pub fn form(path: &Path) -> Result<Form, Error> {
+    let expected = "a training checkpoint, a weights file, or what `convert --to trainer` writes";
+    let bytes = read(path)?;
+    if bytes.starts_with(b"PK") || bytes.starts_with(&[0x80]) {
+        return Err(Error::file(path, expected, "a PyTorch checkpoint"));
+    }
+    let (_, header) =
+        SafeTensors::read_metadata(&bytes).map_err(|error| Error::file(path, expected, error))?;
+    let has = |key: &str| header.metadata().as_ref().is_some_and(|metadata| metadata.contains_key(key));
+    let forms = [(KEY, Form::Checkpoint), ("parameters", Form::Unfolded), ("track-cpu", Form::Weights)];
+    let found = forms.into_iter().find(|(key, _)| has(key));
+    found.map(|(_, form)| form).ok_or_else(|| Error::file(path, expected, "metadata of none of them"))
+}
+
+/// Reads a file within the bound.
+fn read(path: &Path) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(Error::io(path))?;
     file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(Error::io(path))?;
     if bytes.len() as u64 > MAX_BYTES {
         return Err(Error::file(path, format!("at most {MAX_BYTES} bytes"), "more"));
     }
+    Ok(bytes)
+}
+
+/// Reads a checkpoint.
+///
+/// # Errors
+/// If the file cannot be read or is not a checkpoint of this version.
+pub fn load(path: &Path) -> Result<(Position, State), Error> {
+    let bytes = read(path)?;
     let wrong = |found: &dyn ToString| Error::file(path, "a training checkpoint", found.to_string());
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| wrong(&error))?;
     let text = header.metadata().as_ref().and_then(|metadata| metadata.get(KEY));

@@ -3,18 +3,21 @@
 mod batch;
 mod checkpoint;
 mod curves;
+mod export;
+mod open;
 mod options;
 mod report;
 mod statistics;
 #[cfg(test)]
 mod tests;
 
-pub use checkpoint::{Position, State};
+pub use batch::crops_of;
+pub use checkpoint::{Position, State, write_atomically};
 pub use options::{Budget, FitOptions, OptimiserKind, standard};
 
 use crate::data::feed::Feed;
 use crate::data::{DataOptions, Dataset};
-use crate::error::{Error, brief};
+use crate::error::Error;
 use crate::network::{LossValues, Network};
 use crate::validate::{Report, Validation};
 use autodiff::optim::{Optimiser, clip_gradients};
@@ -24,7 +27,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use weights_format::{Provenance, Storage, Weights};
+use weights_format::Storage;
 
 /// How a run behaves, without any bearing on what comes out.
 #[derive(Clone, Debug)]
@@ -52,6 +55,7 @@ pub struct Fit {
     parameters: Parameters,
     optimiser: Box<dyn Optimiser>,
     averages: Vec<Tensor>, // of all parameters in their order; empty if the run keeps none
+    folded: bool,          // whether normalisations are folded away, as in a weights file
 }
 
 /// Batches made ahead of the one in use.
@@ -63,6 +67,9 @@ const LOG_STEPS: u64 = 25;
 /// Batches for the estimation of statistics are far behind all that are trained on.
 const ESTIMATION: u64 = 1 << 40;
 
+/// Batches from which the statistics of normalisations that were folded away are estimated.
+const UNFOLDING_BATCHES: usize = 8;
+
 impl Fit {
     /// A run that begins with fresh parameters.
     ///
@@ -71,41 +78,18 @@ impl Fit {
     pub fn start(options: FitOptions, data: Vec<String>, data_options: DataOptions) -> Result<Fit, Error> {
         options.check()?;
         let mut fit = Fit::empty(Position::start(options, data, data_options))?;
-        let FitOptions { init, seed, average, .. } = fit.position.options;
+        let FitOptions { init, seed, .. } = fit.position.options;
         fit.network.initialise(&mut fit.parameters, init, seed);
-        if average > 0.0 {
-            fit.averages = fit.parameters.iter().map(|p| p.value.clone()).collect();
-        }
+        fit.begin_averages();
         Ok(fit)
     }
 
-    /// A run as a checkpoint left it.
-    ///
-    /// # Errors
-    /// If the file is not a checkpoint, or does not have every tensor of its network.
-    pub fn resume(path: &Path) -> Result<Fit, Error> {
-        let (position, state) = checkpoint::load(path)?;
-        let mut fit = Fit::empty(position)?;
-        let wrong =
-            |found: &dyn ToString| Error::file(path, "every tensor of its network", found.to_string());
-        let expected = fit.parameters.iter().len();
-        if state.parameters.len() != expected {
-            return Err(wrong(&format!("{} tensors in place of {expected}", state.parameters.len())));
-        }
-        for (name, value) in state.parameters {
-            fit.parameters.restore(&name, value).map_err(|error| wrong(&error))?;
-        }
-        for (name, value) in state.optimiser {
-            fit.optimiser.restore(&fit.parameters, &name, value).map_err(|error| wrong(&error))?;
-        }
-        if !state.averages.is_empty() {
-            let mut averages = fit.parameters.clone();
-            for (name, value) in state.averages {
-                averages.restore(&name, value).map_err(|error| wrong(&error))?;
-            }
-            fit.averages = averages.iter().map(|p| p.value.clone()).collect();
-        }
-        Ok(fit)
+    /// Running averages, where the run keeps them, begin at the present values.
+    fn begin_averages(&mut self) {
+        self.averages = match self.position.options.average > 0.0 {
+            true => self.parameters.iter().map(|p| p.value.clone()).collect(),
+            false => Vec::new(),
+        };
     }
 
     fn empty(position: Position) -> Result<Fit, Error> {
@@ -113,27 +97,7 @@ impl Fit {
         let mut parameters = Parameters::new();
         let network = Network::new(&mut parameters, architecture, statistics_nets)?;
         let optimiser = position.options.optimiser();
-        Ok(Fit { position, network, parameters, optimiser, averages: Vec::new() })
-    }
-
-    /// Takes over the parameters of another checkpoint that have the same name and shape; the names of those that have
-    /// not.
-    ///
-    /// # Errors
-    /// If the file is not a checkpoint.
-    pub fn take_over(&mut self, path: &Path) -> Result<Vec<String>, Error> {
-        let (_, state) = checkpoint::load(path)?;
-        let mut taken = std::collections::HashSet::new();
-        for (name, value) in state.parameters {
-            if self.parameters.restore(&name, value).is_ok() {
-                taken.insert(name);
-            }
-        }
-        if !self.averages.is_empty() {
-            self.averages = self.parameters.iter().map(|p| p.value.clone()).collect();
-        }
-        let left = self.parameters.iter().map(|p| p.name()).filter(|name| !taken.contains(*name));
-        Ok(left.map(String::from).collect())
+        Ok(Fit { position, network, parameters, optimiser, averages: Vec::new(), folded: false })
     }
 
     /// Writes a checkpoint.
@@ -179,11 +143,14 @@ impl Fit {
     /// Trains to the end of the budget: batches, steps, and from time to time a line of the log, a validation and a
     /// checkpoint; then the last touches.
     ///
+    /// The accuracy of what came out, if the run got that far and validates.
+    ///
     /// # Errors
     /// If the data cannot be opened, a file cannot be written, or a loss is not finite.
-    pub fn run(&mut self, dataset: Arc<Dataset>, run: &RunOptions) -> Result<(), Error> {
+    pub fn run(&mut self, dataset: Arc<Dataset>, run: &RunOptions) -> Result<Option<Report>, Error> {
         std::fs::create_dir_all(&run.out).map_err(Error::io(&run.out))?;
         let compute = compute(run.threads)?;
+        self.unfold(&compute, &dataset, run.data_threads);
         let mut reporter = Reporter::open(&run.out, self.position.step)?;
         let mut watch = Watch::new(self.position.seconds);
         let batch_size = self.position.options.batch;
@@ -192,7 +159,7 @@ impl Fit {
         let mut smooth = Smooth::default();
         while self.progress() < 1.0 {
             if run.stop_after.is_some_and(|steps| self.position.step >= first + steps) {
-                return Ok(());
+                return Ok(None);
             }
             let start = Instant::now();
             let samples = feed.next(|number| self.size_of(number));
@@ -220,6 +187,18 @@ impl Fit {
         drop(feed);
         self.save(&run.out.join("checkpoint.safetensors"))?;
         self.finish(&compute, dataset, run, &mut reporter)
+    }
+
+    /// Gives normalisations that are folded away the data's statistics, so that the network can be trained; what it
+    /// computes stays the same but for rounding. Nothing happens to other networks.
+    pub fn unfold(&mut self, compute: &Compute, dataset: &Arc<Dataset>, data_threads: usize) {
+        if !std::mem::take(&mut self.folded) {
+            return;
+        }
+        let batch = self.position.options.batch;
+        let mut feed = Feed::new(dataset.clone(), batch, ESTIMATION, data_threads, AHEAD);
+        statistics::unfold(compute, &self.network, &mut self.parameters, &mut feed, UNFOLDING_BATCHES);
+        self.begin_averages();
     }
 
     /// Side of the search crops of a batch.
@@ -307,7 +286,7 @@ impl Fit {
         dataset: Arc<Dataset>,
         run: &RunOptions,
         reporter: &mut Reporter,
-    ) -> Result<(), Error> {
+    ) -> Result<Option<Report>, Error> {
         for (parameter, average) in self.parameters.iter_mut().zip(std::mem::take(&mut self.averages)) {
             parameter.value = average;
         }
@@ -337,67 +316,31 @@ impl Fit {
         self.save(&run.out.join("final.safetensors"))?;
         let weights = self.export(Storage::F32, "drmim", figures.as_ref())?;
         weights.write(&run.out.join("weights.safetensors"))?;
-        reporter.draw()
+        reporter.draw()?;
+        Ok(figures)
     }
 
-    /// Parameters as they are deployed: the averages, where the run keeps them.
     fn deployed_state(&self) -> State {
         let deployed = self.deployed();
         let parameters = deployed.state().map(|(name, tensor)| (name.to_owned(), tensor.clone())).collect();
         State { parameters, ..State::default() }
     }
 
-    fn deployed(&self) -> Parameters {
+    /// Parameters as they are deployed: the averages, where the run keeps them.
+    pub fn deployed(&self) -> Parameters {
         let mut parameters = self.parameters.clone();
         for (parameter, average) in parameters.iter_mut().zip(&self.averages) {
             parameter.value = average.clone();
         }
         parameters
     }
-
-    /// The deployed network as weights, with where they come from.
-    ///
-    /// # Errors
-    /// If a value does not fit the storage or is not finite.
-    pub fn export(&self, storage: Storage, name: &str, figures: Option<&Report>) -> Result<Weights, Error> {
-        let Position { options, data, data_options, step, seconds, .. } = &self.position;
-        let mut notes = vec![
-            ("data", data.join(" ")),
-            ("steps", step.to_string()),
-            ("pairs", (step * options.batch as u64).to_string()),
-            ("minutes", format!("{:.1}", seconds / 60.0)),
-            ("seed", data_options.seed.to_string()),
-            ("commit", commit()),
-            ("options", serde_json::to_string(options).unwrap_or_default()),
-        ];
-        notes.extend(figures.map(|report| ("validation", report.to_string())));
-        let provenance = Provenance {
-            name: brief(name),
-            source: format!("track-cpu trainer {}", env!("CARGO_PKG_VERSION")),
-            notes: notes.into_iter().map(|(key, text)| (key.to_owned(), printable(&text))).collect(),
-        };
-        let weights = self.network.export(&self.deployed(), storage, provenance);
-        weights.check()?;
-        Ok(weights)
-    }
 }
 
-/// Text without control characters.
-fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
-}
-
-/// The source's commit, where it lies in a repository.
-fn commit() -> String {
-    let git = std::process::Command::new("git")
-        .args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"])
-        .output();
-    let text = git.ok().filter(|output| output.status.success());
-    let text = text.and_then(|output| String::from_utf8(output.stdout).ok());
-    text.map_or_else(|| "unknown".into(), |text| text.trim().to_owned())
-}
-
-fn compute(threads: usize) -> Result<Compute, Error> {
+/// Threads to compute on.
+///
+/// # Errors
+/// If they cannot be started.
+pub fn compute(threads: usize) -> Result<Compute, Error> {
     Compute::new(threads)
         .map(Compute::with_winograd)
         .map_err(|error| Error::option("--threads", "threads that can be started", error))

@@ -1,9 +1,10 @@
-//! Batch statistics estimated anew, as a plain mean over batches in place of a running one.
+//! Batch statistics from many batches: a plain mean in place of the running one, or those that folding took away.
 
 use super::batch::batch;
 use crate::data::feed::Feed;
 use crate::network::Network;
 use autodiff::{Compute, Mode, Parameters, Tape};
+use std::collections::BTreeMap;
 
 /// Share of the batch in running statistics (spec section 1.1).
 const MOMENTUM: f32 = 0.1;
@@ -62,6 +63,53 @@ pub fn estimate(
         let weight = 1.0 - (1.0 - f64::from(MOMENTUM)).powi(updates as i32);
         for (value, sum) in parameter.value.data_mut().iter_mut().zip(sum) {
             *value = (sum / (weight * count as f64)) as f32;
+        }
+    }
+    parameters.iter_mut().zip(frozen).for_each(|(p, frozen)| p.frozen = frozen);
+}
+
+/// Added to the variance (spec section 1.1).
+const EPSILON: f64 = 1e-5;
+
+/// Sets every normalisation, which changes nothing as it is, to the mean and variance of `count` batches of the feed, and
+/// its scale and shift such that it still changes nothing.
+pub fn unfold(
+    compute: &Compute,
+    network: &Network,
+    parameters: &mut Parameters,
+    feed: &mut Feed,
+    count: usize,
+) {
+    let frozen: Vec<bool> = parameters.iter().map(|p| p.frozen).collect();
+    parameters.iter_mut().for_each(|p| p.frozen = true);
+    let mut moments: BTreeMap<String, Vec<[f64; 3]>> = BTreeMap::new(); // count, sum, sum of squares per channel
+    for _ in 0..count {
+        let batch = batch(&feed.next(|_| network.architecture().search_size), network.architecture());
+        let mut tape = Tape::new(compute, parameters, Mode::Evaluation);
+        for made in network.observe(&mut tape, batch.template, batch.search) {
+            let maps = tape.value(made.convolved);
+            let channels = maps.shape().last().copied().unwrap_or(1);
+            let of_layer = moments.entry(made.layer).or_insert_with(|| vec![[0.0; 3]; channels]);
+            for pixel in maps.data().chunks_exact(channels) {
+                for (moments, value) in of_layer.iter_mut().zip(pixel) {
+                    let value = f64::from(*value);
+                    *moments = [moments[0] + 1.0, moments[1] + value, moments[2] + value * value];
+                }
+            }
+        }
+    }
+    for (layer, moments) in moments.iter().filter(|(layer, _)| !layer.starts_with("dr.e1.")) {
+        let mean: Vec<f64> = moments.iter().map(|m| m[1] / m[0]).collect();
+        let variance: Vec<f64> =
+            moments.iter().zip(&mean).map(|(m, mean)| (m[2] / m[0] - mean * mean).max(0.0)).collect();
+        let deviation: Vec<f64> = variance.iter().map(|variance| (variance + EPSILON).sqrt()).collect();
+        for (part, found) in
+            [("mean", &mean), ("variance", &variance), ("scale", &deviation), ("shift", &mean)]
+        {
+            if let Some(id) = parameters.find(&format!("{layer}.bn.{part}")) {
+                let values = parameters[id].value.data_mut();
+                values.iter_mut().zip(found).for_each(|(value, found)| *value = *found as f32);
+            }
         }
     }
     parameters.iter_mut().zip(frozen).for_each(|(p, frozen)| p.frozen = frozen);

@@ -140,7 +140,7 @@ fn parameters_move_from_one_network_to_another_as_far_as_they_fit() {
     small.save(&path).unwrap();
     let options = FitOptions { seed: 9, statistics_nets: crate::network::StatisticsNets::Full, ..tiny() };
     let mut other = Fit::start(options, data, DataOptions::default()).unwrap();
-    let fresh = other.take_over(&path).unwrap();
+    let fresh = other.take_over(&Fit::open(&path).unwrap());
     assert!(!fresh.is_empty() && fresh.iter().all(|name| name.starts_with("mi.")), "{fresh:?}");
     let value = |fit: &Fit| fit.parameters.iter().next().unwrap().value.clone();
     assert_eq!(value(&small), value(&other));

@@ -38,15 +38,17 @@ impl Block {
         Block { weight, bias, norm, options }
     }
 
-    /// Maps `[batch, H, W, Cin]` to maps `[batch, H', W', Cout]`.
-    pub fn forward(&self, tape: &mut Tape, x: Var) -> Var {
+    /// Maps `[batch, H, W, Cin]` to maps `[batch, H', W', Cout]`: behind the convolution alone, and behind all of it. Without
+    /// a normalisation between them, both are the same.
+    pub fn forward(&self, tape: &mut Tape, x: Var) -> (Var, Var) {
         let (weight, bias) = (tape.parameter(self.weight), tape.parameter(self.bias));
         let Some(Norm { scale, shift, running }) = self.norm else {
-            return tape.conv2d(x, weight, Some(bias), self.options);
+            let output = tape.conv2d(x, weight, Some(bias), self.options);
+            return (output, output);
         };
-        let x = tape.conv2d(x, weight, Some(bias), Conv2d { relu: false, ..self.options });
+        let convolved = tape.conv2d(x, weight, Some(bias), Conv2d { relu: false, ..self.options });
         let (scale, shift) = (tape.parameter(scale), tape.parameter(shift));
-        tape.batch_norm(x, scale, shift, running, self.options.relu)
+        (convolved, tape.batch_norm(convolved, scale, shift, running, self.options.relu))
     }
 }
 

@@ -5,8 +5,7 @@ use autodiff::Parameters;
 use weights_format::{Header, InputNormalisation, LayerKind, Provenance, Storage, Tensor, Weights};
 
 /// What the network sees of pixels in training.
-pub const INPUT: InputNormalisation =
-    InputNormalisation { channel_order: weights_format::ChannelOrder::Bgr, mean: [114.0; 3], std: [58.0; 3] };
+pub const INPUT: InputNormalisation = InputNormalisation::TRAINED;
 
 /// Added to the variance (spec section 1.1).
 const EPSILON: f64 = 1e-5;

@@ -1,6 +1,6 @@
 //! All losses of a batch (spec sections 3.4 and 3.7).
 
-use super::{Network, Prediction, StatisticsNets, Template};
+use super::{Network, Pass, Prediction, StatisticsNets, Template};
 use crate::targets::{Cells, Targets};
 use autodiff::{BoxDecoder, Focal, Tape, Tensor, Var};
 use serde::{Deserialize, Serialize};
@@ -142,45 +142,46 @@ impl Network {
     /// Runs a batch through the network and its losses. The backbone runs on template, search crop and second template in this
     /// order, each with batch statistics of its own.
     pub fn losses(&self, tape: &mut Tape, batch: Batch, options: &LossOptions) -> (Prediction, Losses) {
-        let crops = tape.constant(batch.template);
-        let template = self.template(tape, crops);
-        let crops = tape.constant(batch.search);
-        let prediction = self.search(tape, crops, &template);
+        let pass = &mut Pass::new(tape);
+        let crops = pass.constant(batch.template);
+        let template = self.template(pass, crops);
+        let crops = pass.constant(batch.search);
+        let prediction = self.search(pass, crops, &template);
         let identity = (options.identity != 0.0 && self.architecture.encoder.is_some()).then(|| {
-            let crops = tape.constant(batch.again);
-            let again = self.template_features(tape, crops);
-            let loss = tape.mean_square(template.related, again, &batch.positive);
-            tape.scale(loss, options.identity)
+            let crops = pass.constant(batch.again);
+            let again = self.template_features(pass, crops);
+            let loss = pass.mean_square(template.related, again, &batch.positive);
+            pass.scale(loss, options.identity)
         });
-        let [global, local] = self.information(tape, &template, options);
+        let [global, local] = self.information(pass, &template, options);
 
         let Targets { labels, quality, boxes } = &batch.targets;
         let focal = Focal { alpha: options.focal_alpha, gamma: 2.0 };
-        let cls = tape.focal_loss(prediction.score, labels, focal);
-        let centerness = tape.quality_loss(prediction.centerness, quality);
-        let centerness = tape.scale(centerness, options.centerness);
+        let cls = pass.focal_loss(prediction.score, labels, focal);
+        let centerness = pass.quality_loss(prediction.centerness, quality);
+        let centerness = pass.scale(centerness, options.centerness);
         let decoder = BoxDecoder {
             max_exponent: options.max_exponent,
             min_iou: options.min_iou,
             ..BoxDecoder::new(batch.cells.first as f32)
         };
-        let [si, bi] = self.scalars.map(|id| tape.parameter(id));
-        let iou = tape.iou_loss(prediction.offsets, si, bi, labels, boxes, decoder);
-        let iou = tape.scale(iou, options.iou);
+        let [si, bi] = self.scalars.map(|id| pass.parameter(id));
+        let iou = pass.iou_loss(prediction.offsets, si, bi, labels, boxes, decoder);
+        let iou = pass.scale(iou, options.iou);
         let more = [Some(centerness), Some(iou), global, local, identity];
-        let total = more.into_iter().flatten().fold(cls, |sum, loss| tape.add(sum, loss));
+        let total = more.into_iter().flatten().fold(cls, |sum, loss| pass.add(sum, loss));
         (prediction, Losses { cls, centerness, iou, global, local, identity, total })
     }
 
     /// What E2 makes of template crops.
-    fn template_features(&self, tape: &mut Tape, crops: Var) -> Var {
+    fn template_features(&self, pass: &mut Pass, crops: Var) -> Var {
         use weights_format::EncoderPosition::{AfterNeck, BeforeNeck};
-        let features = self.backbone(tape, crops);
-        let encoded = self.encode(tape, "template", BeforeNeck, features);
+        let features = self.backbone(pass, crops);
+        let encoded = self.encode(pass, "template", BeforeNeck, features);
         match self.architecture.encoder {
             Some(encoder) if encoder.position == AfterNeck => {
-                let neck = self.run(tape, "neck.template_cls", encoded);
-                self.encode(tape, "template", AfterNeck, neck)
+                let neck = self.run(pass, "neck.template_cls", encoded);
+                self.encode(pass, "template", AfterNeck, neck)
             }
             _ => encoded,
         }
@@ -188,35 +189,35 @@ impl Network {
 
     /// Minus the estimates of the mutual information between the template's features and their encodings, global and local,
     /// weighted.
-    fn information(&self, tape: &mut Tape, template: &Template, options: &LossOptions) -> [Option<Var>; 2] {
+    fn information(&self, pass: &mut Pass, template: &Template, options: &LossOptions) -> [Option<Var>; 2] {
         let Some([global, local]) = self.statistics else { return [None, None] };
         let f = template.features;
-        let unrelated = self.unrelated.iter().fold(f, |x, block| block.forward(tape, x));
-        let code = tape.concat(&[template.related, unrelated]);
-        let rolled = tape.roll(f, 1);
-        let average = tape.global_average(code);
-        let weighted = |tape: &mut Tape, scores: [Var; 2], weight: f32| {
-            let estimate = tape.information(scores[0], scores[1]);
-            tape.scale(estimate, -weight)
+        let unrelated = self.unrelated(pass, f);
+        let code = pass.concat(&[template.related, unrelated]);
+        let rolled = pass.roll(f, 1);
+        let average = pass.global_average(code);
+        let weighted = |pass: &mut Pass, scores: [Var; 2], weight: f32| {
+            let estimate = pass.information(scores[0], scores[1]);
+            pass.scale(estimate, -weight)
         };
         let full = self.statistics_nets == StatisticsNets::Full;
         let global = (options.global != 0.0).then(|| {
-            let code = if full { tape.flatten(code) } else { average };
+            let code = if full { pass.flatten(code) } else { average };
             let scores = [f, rolled].map(|f| {
-                let f = if full { tape.flatten(f) } else { tape.global_average(f) };
-                let input = tape.concat(&[f, code]);
-                global.forward(tape, input)
+                let f = if full { pass.flatten(f) } else { pass.global_average(f) };
+                let input = pass.concat(&[f, code]);
+                global.forward(pass, input)
             });
-            weighted(tape, scores, options.global)
+            weighted(pass, scores, options.global)
         });
         let local = (options.local != 0.0).then(|| {
-            let [_, h, w, _] = tape.shape(f)[..] else { unreachable!("features are maps") };
-            let tiled = tape.tile(average, kernels::Size { h, w });
+            let [_, h, w, _] = pass.shape(f)[..] else { unreachable!("features are maps") };
+            let tiled = pass.tile(average, kernels::Size { h, w });
             let scores = [f, rolled].map(|f| {
-                let input = tape.concat(&[f, tiled]);
-                local.forward(tape, input)
+                let input = pass.concat(&[f, tiled]);
+                local.forward(pass, input)
             });
-            weighted(tape, scores, options.local)
+            weighted(pass, scores, options.local)
         });
         [global, local]
     }

@@ -6,14 +6,17 @@
 
 mod block;
 mod export;
+mod import;
 mod init;
 mod losses;
+mod pass;
 #[cfg(test)]
 mod tests;
 
 pub use export::INPUT;
 pub use init::Init;
 pub use losses::{Batch, LossOptions, LossValues, Losses};
+pub use pass::{Made, Pass};
 
 use crate::error::Error;
 use autodiff::{ParameterId, Parameters, Tape, Tensor, Var};
@@ -123,74 +126,98 @@ impl Network {
         self.statistics_nets
     }
 
-    fn run(&self, tape: &mut Tape, name: &str, x: Var) -> Var {
-        self.blocks[name].forward(tape, x)
+    fn run(&self, pass: &mut Pass, name: &str, x: Var) -> Var {
+        let (convolved, output) = self.blocks[name].forward(pass, x);
+        pass.remember(name, convolved, output);
+        output
     }
 
     /// Backbone features of normalised crops `[batch, side, side, 3]`.
-    fn backbone(&self, tape: &mut Tape, crops: Var) -> Var {
+    fn backbone(&self, pass: &mut Pass, crops: Var) -> Var {
         let mut x = crops;
         for i in 1..=5 {
-            x = self.run(tape, &format!("backbone.conv{i}"), x);
+            x = self.run(pass, &format!("backbone.conv{i}"), x);
             if i <= 2 {
-                x = tape.max_pool(x);
+                x = pass.max_pool(x);
+                pass.remember(&format!("backbone.pool{i}"), x, x);
             }
         }
         x
     }
 
     /// The identity-related encoder E2 of one branch, if the network has it at `position`.
-    fn encode(&self, tape: &mut Tape, branch: &str, position: EncoderPosition, mut x: Var) -> Var {
+    fn encode(&self, pass: &mut Pass, branch: &str, position: EncoderPosition, mut x: Var) -> Var {
         if let Some(encoder) = self.architecture.encoder.filter(|e| e.position == position) {
             for i in 0..encoder.layers {
                 let name = if encoder.shared { format!("dr.e2.{i}") } else { format!("dr.e2_{branch}.{i}") };
-                x = self.run(tape, &name, x);
+                x = self.run(pass, &name, x);
             }
         }
         x
     }
 
-    fn template(&self, tape: &mut Tape, crops: Var) -> Template {
-        let features = self.backbone(tape, crops);
-        let encoded = self.encode(tape, "template", EncoderPosition::BeforeNeck, features);
-        let [cls, reg] = ["neck.template_cls", "neck.template_reg"].map(|name| self.run(tape, name, encoded));
+    fn template(&self, pass: &mut Pass, crops: Var) -> Template {
+        let features = self.backbone(pass, crops);
+        let encoded = self.encode(pass, "template", EncoderPosition::BeforeNeck, features);
+        let [cls, reg] = ["neck.template_cls", "neck.template_reg"].map(|name| self.run(pass, name, encoded));
         let after = self.architecture.encoder.is_some_and(|e| e.position == EncoderPosition::AfterNeck);
         let (features, [cls, reg]) = match after {
             false => (features, [cls, reg]),
             true => {
-                let encode = |x| self.encode(tape, "template", EncoderPosition::AfterNeck, x);
+                let encode = |x| self.encode(pass, "template", EncoderPosition::AfterNeck, x);
                 (cls, [cls, reg].map(encode))
             }
         };
         Template { features, related: if after { cls } else { encoded }, cls, reg }
     }
 
-    fn search(&self, tape: &mut Tape, crops: Var, template: &Template) -> Prediction {
-        let features = self.backbone(tape, crops);
-        let encoded = self.encode(tape, "search", EncoderPosition::BeforeNeck, features);
+    fn search(&self, pass: &mut Pass, crops: Var, template: &Template) -> Prediction {
+        let features = self.backbone(pass, crops);
+        let encoded = self.encode(pass, "search", EncoderPosition::BeforeNeck, features);
         let [mut cls, mut reg] =
             [("neck.search_cls", template.cls), ("neck.search_reg", template.reg)].map(|(name, kernel)| {
-                let x = self.run(tape, name, encoded);
-                let x = self.encode(tape, "search", EncoderPosition::AfterNeck, x);
-                tape.xcorr(x, kernel)
+                let x = self.run(pass, name, encoded);
+                let x = self.encode(pass, "search", EncoderPosition::AfterNeck, x);
+                pass.xcorr(x, kernel)
             });
         for i in 1..=3 {
-            cls = self.run(tape, &format!("head.cls{i}"), cls);
-            reg = self.run(tape, &format!("head.reg{i}"), reg);
+            cls = self.run(pass, &format!("head.cls{i}"), cls);
+            reg = self.run(pass, &format!("head.reg{i}"), reg);
         }
         Prediction {
-            score: self.run(tape, "head.score", cls),
-            centerness: self.run(tape, "head.centerness", cls),
-            offsets: self.run(tape, "head.offsets", reg),
+            score: self.run(pass, "head.score", cls),
+            centerness: self.run(pass, "head.centerness", cls),
+            offsets: self.run(pass, "head.offsets", reg),
         }
+    }
+
+    /// What the identity-unrelated encoder E1 makes of the template's features, if the network has it.
+    fn unrelated(&self, pass: &mut Pass, features: Var) -> Var {
+        self.unrelated.iter().enumerate().fold(features, |x, (i, block)| {
+            let (convolved, output) = block.forward(pass, x);
+            pass.remember(&format!("dr.e1.{i}"), convolved, output);
+            output
+        })
     }
 
     /// Template and search crops to predictions, as the losses see them; for their side effect on batch statistics.
     pub fn predict(&self, tape: &mut Tape, template: Tensor, search: Tensor) -> Prediction {
-        let crops = tape.constant(template);
-        let template = self.template(tape, crops);
-        let crops = tape.constant(search);
-        self.search(tape, crops, &template)
+        let pass = &mut Pass::new(tape);
+        let crops = pass.constant(template);
+        let template = self.template(pass, crops);
+        let crops = pass.constant(search);
+        self.search(pass, crops, &template)
+    }
+
+    /// What every layer makes of template and search crops, E1 included: layers that see both come twice.
+    pub fn observe(&self, tape: &mut Tape, template: Tensor, search: Tensor) -> Vec<Made> {
+        let mut pass = Pass::new(tape);
+        let crops = pass.constant(template);
+        let template = self.template(&mut pass, crops);
+        self.unrelated(&mut pass, template.features);
+        let crops = pass.constant(search);
+        self.search(&mut pass, crops, &template);
+        pass.into_made()
     }
 }
 

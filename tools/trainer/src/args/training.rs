@@ -1,104 +1,16 @@
-//! The command line.
+//! How networks are trained, and how runs behave.
 
-use clap::{Parser, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use super::wrong;
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
 use trainer::Error;
-use trainer::data::augment::Augment;
-use trainer::data::pairs::PairRules;
-use trainer::data::spec::DataSpec;
-use trainer::data::{DataOptions, Dataset};
 use trainer::fit::{Budget, FitOptions, RunOptions, standard};
 use trainer::network::StatisticsNets;
 use trainer::validate::Validation;
 use weights_format::Architecture;
 
-/// Train, prune and export the DR-MIM tracker
-#[derive(Debug, Parser)]
-#[command(version)]
-pub struct Args {
-    #[command(subcommand)]
-    pub command: Command,
-}
-
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    /// Train a network, from nothing or from a checkpoint
-    Fit(Box<Fit>),
-    /// Write a checkpoint's network as a weights file
-    Export(Export),
-    /// Write contact sheets of sampled pairs
-    Show(Show),
-}
-
-/// What to train on
 #[derive(Debug, clap::Args)]
-pub struct Data {
-    /// A source of pairs and its share of them: an annotation file (CSV, JSON) or a folder of sequences, `scenes`,
-    /// `patches:PATH`, `paste:PATH`; give it several times to mix
-    #[arg(long = "data", value_name = "WHAT[:SHARE]")]
-    pub data: Vec<String>,
-    /// Decides everything random
-    #[arg(long, default_value_t = 0)]
-    pub seed: u64,
-    /// What is changed about the crops: none, light or strong
-    #[arg(long, default_value = "strong")]
-    pub augment: String,
-    /// Share of pairs whose template is another target's
-    #[arg(long, default_value_t = 0.1)]
-    pub negatives: f32,
-    /// Most frames between the two of a pair
-    #[arg(long, default_value_t = 100)]
-    pub max_gap: u32,
-    /// Choose pairs as video_analyst does: every later frame, boxes of any share of the frame
-    #[arg(long)]
-    pub compat: bool,
-    /// Memory for decoded pictures, in GiB
-    #[arg(long, default_value_t = 8.0)]
-    pub cache_gib: f64,
-}
-
-impl Data {
-    /// Opens the sources.
-    pub fn open(&self) -> Result<Dataset, Error> {
-        let specs: Result<Vec<DataSpec>, _> = self.data.iter().map(|text| text.parse()).collect();
-        Dataset::open(&specs?, self.options()?)
-    }
-
-    /// How pairs are made.
-    pub fn options(&self) -> Result<DataOptions, Error> {
-        let augment = Augment::from_name(&self.augment)
-            .ok_or_else(|| wrong("--augment", "none, light or strong", &self.augment))?;
-        if !(0.0..=1.0).contains(&self.negatives) {
-            return Err(wrong("--negatives", "a share from 0 to 1", &self.negatives));
-        }
-        if !(0.0..=1024.0).contains(&self.cache_gib) {
-            return Err(wrong("--cache-gib", "0 to 1024", &self.cache_gib));
-        }
-        Ok(DataOptions {
-            seed: self.seed,
-            negatives: self.negatives,
-            augment,
-            rules: PairRules { max_gap: self.max_gap, compat: self.compat, ..PairRules::default() },
-            cache_bytes: (self.cache_gib * f64::from(1 << 30)) as usize,
-            ..DataOptions::default()
-        })
-    }
-}
-
-#[derive(Debug, clap::Args)]
-pub struct Fit {
-    #[command(flatten)]
-    pub data: Data,
-    /// The folder for checkpoints, log, curves and weights
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Go on with the run of this checkpoint; everything but the run's behaviour comes from it
-    #[arg(long, value_name = "CKPT", conflicts_with_all = ["data", "init"])]
-    pub resume: Option<PathBuf>,
-    /// Begin with the parameters of this checkpoint, as far as they fit
-    #[arg(long, value_name = "CKPT")]
-    pub init: Option<PathBuf>,
-
+pub struct Training {
     /// Where options begin: `cpu` (AdamW, from nothing, small search crops first) or `paper` (SGD, freezing)
     #[arg(long, value_enum, default_value_t = Preset::Cpu, help_heading = "Training")]
     pub preset: Preset,
@@ -142,9 +54,9 @@ pub struct Fit {
     #[arg(long, help_heading = "Training")]
     pub estimation_batches: Option<usize>,
 
-    /// Widths: share of the filters that pruning took from every layer of the full network
-    #[arg(long, default_value_t = 0.5, help_heading = "Network")]
-    pub ratio: f64,
+    /// Widths: share of the filters that pruning took from every layer of the full network [default: 0.5]
+    #[arg(long, help_heading = "Network")]
+    pub ratio: Option<f64>,
     /// Side of the search crops
     #[arg(long, default_value_t = 303, help_heading = "Network")]
     pub search_size: usize,
@@ -160,7 +72,10 @@ pub struct Fit {
     /// Networks of the mutual-information losses [default: the preset's]
     #[arg(long, value_enum, help_heading = "Network")]
     pub statistics: Option<Statistics>,
+}
 
+#[derive(Debug, clap::Args)]
+pub struct Behaviour {
     /// Threads that compute [default: one per core]
     #[arg(long, help_heading = "Run")]
     pub threads: Option<usize>,
@@ -179,9 +94,6 @@ pub struct Fit {
     /// Most frames of each to track
     #[arg(long, default_value_t = 80, help_heading = "Run")]
     pub validate_frames: usize,
-    /// Minutes of training between validations
-    #[arg(long, default_value_t = 30.0, help_heading = "Run")]
-    pub validate_minutes: f64,
 }
 
 /// Where training options begin.
@@ -202,17 +114,18 @@ pub enum Statistics {
     Full,
 }
 
-impl Fit {
-    /// How the network is trained.
-    pub fn options(&self) -> Result<FitOptions, Error> {
+impl Training {
+    /// How the network is trained that begins as `init`, if there is one; `seed` decides first values.
+    pub fn options(&self, init: Option<&Architecture>, seed: u64) -> Result<FitOptions, Error> {
         let mut options = match self.preset {
             Preset::Cpu => FitOptions::cpu(),
             Preset::Paper => FitOptions::paper(),
         };
-        if !(0.0..1.0).contains(&self.ratio) {
-            return Err(wrong("--ratio", "0 to below 1", &self.ratio));
-        }
-        options.architecture = Architecture { search_size: self.search_size, ..standard(self.ratio) };
+        let architecture = match (self.ratio, init) {
+            (None, Some(init)) => *init,
+            (ratio, _) => standard(ratio_of("--ratio", ratio.unwrap_or(0.5))?),
+        };
+        options.architecture = Architecture { search_size: self.search_size, ..architecture };
         match self.statistics {
             Some(Statistics::Light) => options.statistics_nets = StatisticsNets::Light,
             Some(Statistics::Full) => options.statistics_nets = StatisticsNets::Full,
@@ -221,10 +134,11 @@ impl Fit {
         if self.no_encoder {
             options.architecture.encoder = None;
         }
-        if self.no_mi || self.no_encoder {
+        let encoder = options.architecture.encoder.is_some();
+        if self.no_mi || !encoder {
             options.statistics_nets = StatisticsNets::None;
         }
-        if self.no_identity || self.no_encoder {
+        if self.no_identity || !encoder {
             options.losses.identity = 0.0;
         }
         fn set<T: Copy>(to: &mut T, value: Option<T>) {
@@ -242,78 +156,37 @@ impl Fit {
         set(&mut options.estimation_batches, self.estimation_batches);
         let steps = self.steps.or(self.pairs.map(|pairs| pairs.div_ceil(options.batch.max(1) as u64)));
         set(&mut options.budget, self.minutes.map(Budget::Minutes).or(steps.map(Budget::Steps)));
-        options.seed = self.data.seed;
+        options.seed = seed;
         options.check()?;
         Ok(options)
     }
+}
+
+/// A share of filters, checked.
+pub fn ratio_of(option: &str, ratio: f64) -> Result<f64, Error> {
+    if (0.0..1.0).contains(&ratio) { Ok(ratio) } else { Err(wrong(option, "0 to below 1", &ratio)) }
+}
+
+impl Behaviour {
+    /// Threads that compute.
+    pub fn threads(&self) -> usize {
+        self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
+    }
 
     /// How the run behaves.
-    pub fn run_options(&self) -> Result<RunOptions, Error> {
-        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    pub fn run_options(&self, out: &Path, validate_minutes: f64) -> Result<RunOptions, Error> {
         let minutes = |option: &str, value: f64| match value >= 0.0 {
             true => Ok(value),
             false => Err(wrong(option, "0 or more", &value)),
         };
         Ok(RunOptions {
-            out: self.out.clone(),
-            threads: self.threads.unwrap_or(cores),
+            out: out.into(),
+            threads: self.threads(),
             data_threads: self.data_threads.clamp(1, 64),
             checkpoint_minutes: minutes("--checkpoint-minutes", self.checkpoint_minutes)?,
-            validate_minutes: minutes("--validate-minutes", self.validate_minutes)?,
+            validate_minutes: minutes("--validate-minutes", validate_minutes)?,
             validation: Validation::open(&self.validate, self.validate_flights, self.validate_frames)?,
             stop_after: None,
         })
     }
-}
-
-#[derive(Debug, clap::Args)]
-pub struct Export {
-    /// The checkpoint
-    pub checkpoint: PathBuf,
-    /// The weights file to write; replaced if it exists
-    #[arg(long, value_name = "FILE")]
-    pub out: PathBuf,
-    /// Type of the weights in the file (biases are always f32)
-    #[arg(long, value_enum, default_value_t = Dtype::F16)]
-    pub dtype: Dtype,
-    /// Name of the model
-    #[arg(long, default_value = "drmim")]
-    pub name: String,
-    /// Folders of sequences whose accuracy goes into the file
-    #[arg(long, value_name = "DIR")]
-    pub validate: Vec<PathBuf>,
-    /// Most frames of each to track
-    #[arg(long, default_value_t = 100_000)]
-    pub validate_frames: usize,
-}
-
-/// Type of the weights in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Dtype {
-    /// Half precision: half the size, a relative error of about 0.0002
-    F16,
-    /// Single precision
-    F32,
-}
-
-fn wrong(option: &str, expected: &str, found: &dyn ToString) -> Error {
-    Error::Option { option: option.into(), expected: expected.into(), found: found.to_string() }
-}
-
-#[derive(Debug, clap::Args)]
-pub struct Show {
-    #[command(flatten)]
-    pub data: Data,
-    /// The folder to write to
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Side of the search crops
-    #[arg(long, default_value_t = 303)]
-    pub search_size: usize,
-    /// How many sheets, of 24 pairs each
-    #[arg(long, default_value_t = 1)]
-    pub sheets: usize,
-    /// Number of the first sample
-    #[arg(long, default_value_t = 0)]
-    pub first: u64,
 }

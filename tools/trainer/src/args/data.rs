@@ -1,0 +1,63 @@
+//! What to train on.
+
+use super::wrong;
+use trainer::Error;
+use trainer::data::augment::Augment;
+use trainer::data::pairs::PairRules;
+use trainer::data::spec::DataSpec;
+use trainer::data::{DataOptions, Dataset};
+
+/// What to train on
+#[derive(Debug, clap::Args)]
+pub struct Data {
+    /// A source of pairs and its share of them: an annotation file (CSV, JSON) or a folder of sequences, `scenes`,
+    /// `patches:PATH`, `paste:PATH`; give it several times to mix
+    #[arg(long = "data", value_name = "WHAT[:SHARE]")]
+    pub data: Vec<String>,
+    /// Decides everything random
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// What is changed about the crops: none, light or strong
+    #[arg(long, default_value = "strong")]
+    pub augment: String,
+    /// Share of pairs whose template is another target's
+    #[arg(long, default_value_t = 0.1)]
+    pub negatives: f32,
+    /// Most frames between the two of a pair
+    #[arg(long, default_value_t = 100)]
+    pub max_gap: u32,
+    /// Choose pairs as video_analyst does: every later frame, boxes of any share of the frame
+    #[arg(long)]
+    pub compat: bool,
+    /// Memory for decoded pictures, in GiB
+    #[arg(long, default_value_t = 8.0)]
+    pub cache_gib: f64,
+}
+
+impl Data {
+    /// Opens the sources.
+    pub fn open(&self) -> Result<Dataset, Error> {
+        let specs: Result<Vec<DataSpec>, _> = self.data.iter().map(|text| text.parse()).collect();
+        Dataset::open(&specs?, self.options()?)
+    }
+
+    /// How pairs are made.
+    pub fn options(&self) -> Result<DataOptions, Error> {
+        let augment = Augment::from_name(&self.augment)
+            .ok_or_else(|| wrong("--augment", "none, light or strong", &self.augment))?;
+        if !(0.0..=1.0).contains(&self.negatives) {
+            return Err(wrong("--negatives", "a share from 0 to 1", &self.negatives));
+        }
+        if !(0.0..=1024.0).contains(&self.cache_gib) {
+            return Err(wrong("--cache-gib", "0 to 1024", &self.cache_gib));
+        }
+        Ok(DataOptions {
+            seed: self.seed,
+            negatives: self.negatives,
+            augment,
+            rules: PairRules { max_gap: self.max_gap, compat: self.compat, ..PairRules::default() },
+            cache_bytes: (self.cache_gib * f64::from(1 << 30)) as usize,
+            ..DataOptions::default()
+        })
+    }
+}

@@ -1,0 +1,114 @@
+//! The command line.
+
+mod data;
+mod prune;
+mod study;
+mod training;
+
+pub use data::Data;
+pub use prune::Prune;
+pub use study::{Ablate, Sweep, comparable};
+pub use training::{Behaviour, Training};
+
+use clap::{Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+use trainer::Error;
+
+/// Train, prune and export the DR-MIM tracker
+#[derive(Debug, Parser)]
+#[command(version)]
+pub struct Args {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Train a network, from nothing or from a checkpoint
+    Fit(Box<Fit>),
+    /// Make a network smaller: filters whose feature maps have low rank go
+    Prune(Box<Prune>),
+    /// Prune to several ratios, train each on, and compare
+    Sweep(Box<Sweep>),
+    /// Train without each part of DR-MIM in turn, and compare
+    Ablate(Box<Ablate>),
+    /// Write a checkpoint's network as a weights file
+    Export(Export),
+    /// Write contact sheets of sampled pairs
+    Show(Show),
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Fit {
+    #[command(flatten)]
+    pub data: Data,
+    /// The folder for checkpoints, log, curves and weights
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Go on with the run of this checkpoint; everything but the run's behaviour comes from it
+    #[arg(long, value_name = "CKPT", conflicts_with_all = ["data", "init"])]
+    pub resume: Option<PathBuf>,
+    /// Begin with the parameters of this file (a checkpoint, a weights file, or what `convert --to trainer` wrote), as far
+    /// as they fit; the network has its widths and encoder unless --ratio says otherwise
+    #[arg(long, value_name = "FILE")]
+    pub init: Option<PathBuf>,
+    #[command(flatten)]
+    pub training: Training,
+    #[command(flatten)]
+    pub behaviour: Behaviour,
+    /// Minutes of training between validations
+    #[arg(long, default_value_t = 30.0, help_heading = "Run")]
+    pub validate_minutes: f64,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Export {
+    /// The checkpoint
+    pub checkpoint: PathBuf,
+    /// The weights file to write; replaced if it exists
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Type of the weights in the file (biases are always f32)
+    #[arg(long, value_enum, default_value_t = Dtype::F16)]
+    pub dtype: Dtype,
+    /// Name of the model
+    #[arg(long, default_value = "drmim")]
+    pub name: String,
+    /// Folders of sequences whose accuracy goes into the file
+    #[arg(long, value_name = "DIR")]
+    pub validate: Vec<PathBuf>,
+    /// Most frames of each to track
+    #[arg(long, default_value_t = 100_000)]
+    pub validate_frames: usize,
+}
+
+/// Type of the weights in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Dtype {
+    /// Half precision: half the size, a relative error of about 0.0002
+    F16,
+    /// Single precision
+    F32,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Show {
+    #[command(flatten)]
+    pub data: Data,
+    /// The folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Side of the search crops
+    #[arg(long, default_value_t = 303)]
+    pub search_size: usize,
+    /// How many sheets, of 24 pairs each
+    #[arg(long, default_value_t = 1)]
+    pub sheets: usize,
+    /// Number of the first sample
+    #[arg(long, default_value_t = 0)]
+    pub first: u64,
+}
+
+fn wrong(option: &str, expected: &str, found: &dyn ToString) -> Error {
+    Error::Option { option: option.into(), expected: expected.into(), found: found.to_string() }
+}

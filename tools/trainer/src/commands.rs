@@ -1,0 +1,120 @@
+//! What the sub-commands do.
+
+use crate::args;
+use std::sync::Arc;
+use trainer::Error;
+use trainer::data::Dataset;
+use trainer::fit::{Fit, RunOptions, compute};
+use trainer::prune::{Ranks, prune as prune_by_rank};
+use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
+use trainer::validate::Validation;
+use weights_format::Storage;
+
+/// `fit`.
+pub fn fit(args: &args::Fit) -> Result<(), Error> {
+    let run = args.behaviour.run_options(&args.out, args.validate_minutes)?;
+    let init = args.init.as_ref().map(|path| Fit::open(path)).transpose()?;
+    let mut fit = match &args.resume {
+        Some(checkpoint) => Fit::resume(checkpoint)?,
+        None => {
+            let architecture = init.as_ref().map(|init| init.network().architecture());
+            let options = args.training.options(architecture, args.data.seed)?;
+            Fit::start(options, args.data.data.clone(), args.data.options()?)?
+        }
+    };
+    if let (Some(init), Some(path)) = (&init, &args.init) {
+        let fresh = fit.take_over(init);
+        if !fresh.is_empty() {
+            eprintln!("not in {}, so begun anew: {}", path.display(), fresh.join(", "));
+        }
+    }
+    let dataset = dataset_of(&fit)?;
+    fit.run(dataset, &run)?;
+    println!("{}", run.out.join("weights.safetensors").display());
+    Ok(())
+}
+
+/// `prune`.
+pub fn prune(args: &args::Prune) -> Result<(), Error> {
+    let targets = args.targets()?;
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let threads = args.threads.unwrap_or(cores);
+    let mut source = Fit::open(&args.network)?;
+    let dataset = match args.data.data.is_empty() {
+        true => dataset_of(&source)?,
+        false => Arc::new(args.data.open()?),
+    };
+    source.unfold(&compute(threads)?, &dataset, 1);
+    let ranks = Ranks::measure(&source, &dataset, args.pairs, threads)?;
+    let pruned = prune_by_rank(&source, &ranks, &targets)?;
+    pruned.fit.save(&args.out)?;
+    println!("{pruned}{}", args.out.display());
+    Ok(())
+}
+
+/// `sweep`.
+pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
+    let ratios = args.ratios()?;
+    let run = args.behaviour.run_options(&args.out, f64::MAX)?;
+    let mut source = Fit::open(&args.init)?;
+    let options = args.training.options(Some(source.network().architecture()), args.data.seed)?;
+    let options = args::comparable(options)?;
+    let data = (&args.data.data[..], &args.data.options()?);
+    let study = sweep_of(&mut source, &ratios, &options, data, args.rank_pairs, (&run.out, run.threads))?;
+    finish(&study, &run)
+}
+
+/// `ablate`.
+pub fn ablate(args: &args::Ablate) -> Result<(), Error> {
+    let run = args.behaviour.run_options(&args.out, f64::MAX)?;
+    let options = args::comparable(args.training.options(None, args.data.seed)?)?;
+    let study = ablation(&options, &args.data.data, &args.data.options()?, &args.seeds);
+    finish(&study, &run)
+}
+
+/// Runs a study and prints its table.
+fn finish(study: &Study, run: &RunOptions) -> Result<(), Error> {
+    let outcomes = study.run(run)?;
+    print!("{}", markdown(&study.title, &outcomes));
+    Ok(())
+}
+
+/// The data of a run.
+fn dataset_of(fit: &Fit) -> Result<Arc<Dataset>, Error> {
+    let position = fit.position();
+    let specs: Result<Vec<_>, _> = position.data.iter().map(|text| text.parse()).collect();
+    Ok(Arc::new(Dataset::open(&specs?, position.data_options.clone())?))
+}
+
+/// `export`.
+pub fn export(args: &args::Export) -> Result<(), Error> {
+    let fit = Fit::resume(&args.checkpoint)?;
+    let storage = match args.dtype {
+        args::Dtype::F16 => Storage::F16,
+        args::Dtype::F32 => Storage::F32,
+    };
+    let validation = Validation::open(&args.validate, 0, args.validate_frames)?;
+    let mut report = None;
+    if !validation.is_empty() {
+        let found = validation.run(&fit.export(Storage::F32, &args.name, None)?, 2)?;
+        for (name, in_train, accuracy) in &found.clips {
+            let mark = if *in_train { "*" } else { "" };
+            println!("{:32} {:6.1} {:6.1} {mark}", name, accuracy.precision, accuracy.auc);
+        }
+        println!("{found}");
+        report = Some(found);
+    }
+    fit.export(storage, &args.name, report.as_ref())?.write(&args.out)?;
+    println!("{}", args.out.display());
+    Ok(())
+}
+
+/// `show`.
+pub fn show(args: &args::Show) -> Result<(), Error> {
+    let dataset = args.data.open()?;
+    let args::Show { search_size, first, sheets, out, .. } = args;
+    for path in trainer::show::write_sheets(&dataset, *search_size, *first, *sheets, out)? {
+        println!("{}", path.display());
+    }
+    Ok(())
+}

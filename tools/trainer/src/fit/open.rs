@@ -1,0 +1,238 @@
+//! Ways into a run from files: a checkpoint of one, or any other form of a network.
+
+use super::{DataOptions, Fit, FitOptions, Position, checkpoint};
+use crate::error::Error;
+use crate::network::StatisticsNets;
+use autodiff::Tensor;
+use std::path::Path;
+use weights_format::{Architecture, Unfolded, Weights};
+
+impl Fit {
+    /// A run as a checkpoint left it.
+    ///
+    /// # Errors
+    /// If the file is not a checkpoint, or does not have every tensor of its network.
+    pub fn resume(path: &Path) -> Result<Fit, Error> {
+        let (position, state) = checkpoint::load(path)?;
+        let mut fit = Fit::empty(position)?;
+        let wrong =
+            |found: &dyn ToString| Error::file(path, "every tensor of its network", found.to_string());
+        let expected = fit.parameters.iter().len();
+        if state.parameters.len() != expected {
+            return Err(wrong(&format!("{} tensors in place of {expected}", state.parameters.len())));
+        }
+        for (name, value) in state.parameters {
+            fit.parameters.restore(&name, value).map_err(|error| wrong(&error))?;
+        }
+        for (name, value) in state.optimiser {
+            fit.optimiser.restore(&fit.parameters, &name, value).map_err(|error| wrong(&error))?;
+        }
+        if !state.averages.is_empty() {
+            let mut averages = fit.parameters.clone();
+            for (name, value) in state.averages {
+                averages.restore(&name, value).map_err(|error| wrong(&error))?;
+            }
+            fit.averages = averages.iter().map(|p| p.value.clone()).collect();
+        }
+        Ok(fit)
+    }
+
+    /// A network to begin with, as it is deployed, out of any file that holds one: a checkpoint of a run, parameters that
+    /// `convert --to trainer` wrote, or a weights file.
+    ///
+    /// # Errors
+    /// If the file is none of these, or not whole.
+    pub fn open(path: &Path) -> Result<Fit, Error> {
+        match checkpoint::form(path)? {
+            checkpoint::Form::Checkpoint => {
+                let mut fit = Fit::resume(path)?;
+                fit.parameters = fit.deployed();
+                fit.averages.clear();
+                Ok(fit)
+            }
+            checkpoint::Form::Unfolded => {
+                let unfolded = Unfolded::read(path)?;
+                let mut fit = Fit::around(unfolded.architecture)?;
+                fit.network.import_unfolded(&mut fit.parameters, &unfolded)?;
+                fit.position.history.push(unfolded.source);
+                Ok(fit)
+            }
+            checkpoint::Form::Weights => {
+                let weights = Weights::read(path)?;
+                let mut fit = Fit::around(weights.header.architecture)?;
+                fit.network.import(&mut fit.parameters, &weights)?;
+                fit.folded = true;
+                let provenance = &weights.header.provenance;
+                fit.position.history.push(format!("weights {}, {}", provenance.name, provenance.source));
+                Ok(fit)
+            }
+        }
+    }
+
+    /// A run of default options that begins with an architecture.
+    fn around(architecture: Architecture) -> Result<Fit, Error> {
+        let mut options = FitOptions { architecture, ..FitOptions::cpu() };
+        if architecture.encoder.is_none() {
+            options.statistics_nets = StatisticsNets::None;
+            options.losses.identity = 0.0;
+        }
+        Fit::start(options, Vec::new(), DataOptions::default())
+    }
+
+    /// A run that has not begun, with given parameters.
+    ///
+    /// # Errors
+    /// If an option is out of range, or the parameters are not those of the network.
+    pub fn with_parameters(
+        position: Position,
+        parameters: impl IntoIterator<Item = (String, Tensor)>,
+    ) -> Result<Fit, Error> {
+        let Position { options, data, data_options, history, .. } = position;
+        let mut fit = Fit::start(options, data, data_options)?;
+        fit.position.history = history;
+        for (name, value) in parameters {
+            let restored = fit.parameters.restore(&name, value);
+            restored.map_err(|error| Error::option("parameters", "those of the network", error))?;
+        }
+        fit.begin_averages();
+        Ok(fit)
+    }
+
+    /// Takes over another network's parameters that have the same name and shape; the names of those that have not.
+    pub fn take_over(&mut self, other: &Fit) -> Vec<String> {
+        let mut fresh = Vec::new();
+        let names: Vec<_> = self.parameters.iter().map(|p| p.name().to_owned()).collect();
+        for name in names {
+            let value = other.parameters.find(&name).map(|id| other.parameters[id].value.clone());
+            if value.is_none_or(|value| self.parameters.restore(&name, value).is_err()) {
+                fresh.push(name);
+            }
+        }
+        self.folded = other.folded;
+        self.position.history = other.history();
+        self.begin_averages();
+        fresh
+    }
+
+    /// What was done to the parameters so far, this run included: a sentence each.
+    pub fn history(&self) -> Vec<String> {
+        let Position { options, data, data_options, step, seconds, history, .. } = &self.position;
+        let mut all = history.clone();
+        if *step > 0 {
+            let (batch, hours, seed) = (options.batch, seconds / 3600.0, data_options.seed);
+            all.push(format!(
+                "{step} steps of {batch} pairs in {hours:.2} h, data {}, seed {seed}",
+                data.join(" ")
+            ));
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Dataset;
+    use crate::fit::{Budget, compute, crops_of};
+    use crate::testing::Folder;
+    use autodiff::{Mode, Tape};
+    use std::sync::Arc;
+    use weights_format::{Encoder, InputNormalisation, Storage, Widths};
+
+    fn tiny() -> Fit {
+        let widths = Widths::uniform([4, 6, 8, 8, 8], 8);
+        let architecture =
+            Architecture { search_size: 191, ..Architecture::new(widths, Some(Encoder::standard(8))) };
+        let budget = Budget::Steps(1);
+        let options = FitOptions { architecture, early_size: 191, batch: 2, budget, ..FitOptions::cpu() };
+        Fit::start(options, vec!["scenes".into()], data_options()).unwrap()
+    }
+
+    fn data_options() -> DataOptions {
+        DataOptions { pairs_per_flight: 1e6, ..DataOptions::default() }
+    }
+
+    fn outputs(fit: &Fit, dataset: &Dataset) -> Vec<f32> {
+        let compute = compute(2).unwrap();
+        let samples: Vec<_> = (0..2).map(|i| dataset.sample(i, 191)).collect();
+        let (template, search) = crops_of(&samples, fit.network().architecture());
+        let mut parameters = fit.deployed();
+        let mut tape = Tape::new(&compute, &mut parameters, Mode::Evaluation);
+        let found = fit.network().predict(&mut tape, template, search);
+        let offsets = tape.value(found.offsets).data().iter();
+        // Behind the scalars, which a weights file has folded in.
+        let scalar = |name: &str| fit.parameters()[fit.parameters().find(name).unwrap()].value.item();
+        let decoded: Vec<f32> = offsets.map(|o| scalar("head.si") * o + scalar("head.bi")).collect();
+        [tape.value(found.score).data().to_vec(), decoded].concat()
+    }
+
+    fn assert_close(found: &[f32], expected: &[f32]) {
+        let scale = expected.iter().map(|v| v.abs()).fold(0.0, f32::max);
+        assert!(found.len() == expected.len() && scale > 0.01);
+        let worst = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst < 1e-3 * scale, "{worst} of {scale}");
+    }
+
+    #[test]
+    fn a_weights_file_is_unfolded_without_a_change() {
+        let folder = Folder::new("open");
+        let path = folder.path().join("weights.safetensors");
+        let dataset = Arc::new(Dataset::open(&["scenes".parse().unwrap()], data_options()).unwrap());
+        let mut fit = tiny();
+        fit.parameters.iter_mut().find(|p| p.name() == "head.si").unwrap().value.data_mut()[0] = 0.7;
+        let mut weights = fit.export(Storage::F32, "tiny", None).unwrap();
+        // As a network that was trained on plain pixels.
+        let plain = InputNormalisation::default();
+        let mut conv1 =
+            ["weight", "bias"].map(|p| weights.tensor(&format!("backbone.conv1.{p}")).unwrap().clone());
+        let [w, b] = &mut conv1;
+        InputNormalisation::TRAINED.translate(&plain, &mut w.data, &mut b.data);
+        let [w, b] = conv1;
+        weights.insert("backbone.conv1.weight", w);
+        weights.insert("backbone.conv1.bias", b);
+        weights.header.input = plain;
+        weights.write(&path).unwrap();
+
+        let mut opened = Fit::open(&path).unwrap();
+        let expected = outputs(&fit, &dataset);
+        assert_close(&outputs(&opened, &dataset), &expected);
+        let scale = |fit: &Fit| {
+            fit.parameters()[fit.parameters().find("neck.search_cls.bn.scale").unwrap()].value.clone()
+        };
+        let identity = scale(&opened);
+        let compute = compute(2).unwrap();
+        opened.unfold(&compute, &dataset, 1);
+        assert_close(&outputs(&opened, &dataset), &expected);
+        assert_ne!(scale(&opened), identity);
+        // With the data's statistics, training mode sees what evaluation mode does, roughly: a batch is small.
+        let before = opened.parameters().clone();
+        opened.unfold(&compute, &dataset, 1);
+        assert!(before.state().eq(opened.parameters().state()), "once is enough");
+        assert_eq!(opened.history(), ["weights tiny, track-cpu trainer 0.1.0"]);
+    }
+
+    #[test]
+    fn every_form_of_a_network_is_opened() {
+        let folder = Folder::new("open");
+        let fit = tiny();
+        let [checkpoint, unfolded, other] = ["a", "b", "c"].map(|name| folder.path().join(name));
+        fit.save(&checkpoint).unwrap();
+        assert!(Fit::open(&checkpoint).unwrap().parameters().state().eq(fit.parameters().state()));
+        let mut read = Unfolded::read(&checkpoint).unwrap();
+        read.source = "a test".into();
+        read.write(&unfolded).unwrap();
+        let opened = Fit::open(&unfolded).unwrap();
+        for (name, tensor) in &read.tensors {
+            let id = opened.parameters().find(name).unwrap();
+            assert_eq!(opened.parameters()[id].value.data(), tensor.data, "{name}");
+        }
+        assert_eq!(opened.history(), ["a test"]);
+        for (bytes, expected) in
+            [(&b"PK\x03\x04"[..], "PyTorch"), (b"what", "convert --to trainer"), (b"", "found")]
+        {
+            std::fs::write(&other, bytes).unwrap();
+            let message = Fit::open(&other).err().unwrap().to_string();
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+}

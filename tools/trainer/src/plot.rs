@@ -1,0 +1,137 @@
+//! Lines as SVG: one panel below the other.
+
+use std::fmt::Write;
+
+const WIDTH: f64 = 900.0;
+const HEIGHT: f64 = 300.0;
+const MARGIN: f64 = 46.0;
+const COLORS: [&str; 7] = ["#111111", "#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#8c564b", "#e377c2"];
+
+/// Most points that are drawn of a line.
+const POINTS: usize = 600;
+
+/// A named line.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Line {
+    /// Its name.
+    pub name: String,
+    /// Its points, x ascending.
+    pub points: Vec<(f64, f64)>,
+    /// How far up and down each point may be off; none if that is not known.
+    pub spread: Vec<f64>,
+}
+
+/// A picture with axes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Panel {
+    /// What is drawn.
+    pub title: String,
+    /// The lines.
+    pub lines: Vec<Line>,
+    /// Labels of the x axis at their places. Without any, the axis begins at 0; with them, each point is marked.
+    pub ticks: Vec<(f64, String)>,
+    /// Where the y axis begins.
+    pub low: f64,
+}
+
+/// Panels as one picture.
+pub fn svg(panels: &[Panel]) -> String {
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+        panels.len() as f64 * HEIGHT
+    );
+    for (i, panel) in panels.iter().enumerate() {
+        panel.draw(&mut svg, i as f64 * HEIGHT);
+    }
+    svg.push_str("</svg>\n");
+    svg
+}
+
+impl Panel {
+    /// Where the x axis begins and ends.
+    fn reach(&self) -> (f64, f64) {
+        match (self.ticks.first(), self.ticks.last()) {
+            (Some((first, _)), Some((last, _))) => {
+                let room = 0.5 * (last - first) / (self.ticks.len() as f64 - 1.0).max(1.0);
+                let room = if room > 0.0 { room } else { 0.5 };
+                (first - room, last + room)
+            }
+            _ => (0.0, self.points().map(|(x, _)| *x).fold(1.0, f64::max)),
+        }
+    }
+
+    fn points(&self) -> impl Iterator<Item = &(f64, f64)> {
+        self.lines.iter().flat_map(|line| &line.points)
+    }
+
+    // Writing to a string cannot fail, so what it returns is dropped.
+    fn draw(&self, svg: &mut String, top: f64) {
+        let (first, last) = self.reach();
+        let high = self.points().map(|(_, y)| *y).fold(self.low, f64::max).max(self.low + 1e-6);
+        let place = |(x, y): (f64, f64)| {
+            let across = MARGIN + (x - first) / (last - first) * (WIDTH - 4.5 * MARGIN);
+            let share = ((y - self.low) / (high - self.low)).max(0.0);
+            (across, top + HEIGHT - MARGIN - share * (HEIGHT - 1.6 * MARGIN))
+        };
+        let _ = writeln!(svg, "<text x=\"{MARGIN}\" y=\"{}\">{}</text>", top + 16.0, escaped(&self.title));
+        let mut ticks = self.ticks.clone();
+        for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
+            let label = self.low + share * (high - self.low);
+            let ((x0, y), (x1, _)) = (place((first, label)), place((last, label)));
+            let _ = writeln!(svg, "<path d=\"M{x0:.1} {y:.1}H{x1:.1}\" stroke=\"#ddd\"/>");
+            let _ = writeln!(svg, "<text x=\"4\" y=\"{y:.1}\" fill=\"#666\">{label:.2}</text>");
+            if self.ticks.is_empty() {
+                ticks.push((share * last, format!("{:.0}", share * last)));
+            }
+        }
+        for (at, label) in ticks {
+            let (x, y) = place((at, self.low));
+            let label = escaped(&label);
+            let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{:.1}\" fill=\"#666\">{label}</text>", y + 16.0);
+        }
+        for (i, line) in self.lines.iter().enumerate().filter(|(_, line)| !line.points.is_empty()) {
+            let color = COLORS[i % COLORS.len()];
+            let thinned = line.points.len().div_ceil(POINTS);
+            let drawn: Vec<_> = line.points.iter().step_by(thinned).map(|point| place(*point)).collect();
+            let path: Vec<_> = drawn.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+            let path = path.join(" ");
+            let _ = writeln!(svg, "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\"/>");
+            if !self.ticks.is_empty() {
+                for (x, y) in &drawn {
+                    let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>");
+                }
+            }
+            for ((x, y), spread) in line.points.iter().zip(&line.spread) {
+                let ((x, low), (_, high)) = (place((*x, y - spread)), place((*x, y + spread)));
+                let _ = writeln!(svg, "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\"/>");
+            }
+            let (x, y) = (WIDTH - 3.3 * MARGIN, top + 30.0 + 16.0 * i as f64);
+            let newest = line.points.last().map_or(0.0, |(_, y)| *y);
+            let name = escaped(&line.name);
+            let _ = writeln!(svg, "<text x=\"{x}\" y=\"{y}\" fill=\"{color}\">{name} {newest:.3}</text>");
+        }
+    }
+}
+
+/// Text that is no markup.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_marks_and_spread() {
+        let line =
+            Line { name: "a<b".into(), points: vec![(1.0, 50.0), (2.0, 60.0)], spread: vec![1.0, 2.0] };
+        let ticks = vec![(1.0, "one".into()), (2.0, "two".into())];
+        let panel = Panel { title: "t".into(), lines: vec![line, Line::default()], ticks, low: 40.0 };
+        let svg = svg(&[panel, Panel::default()]);
+        assert_eq!((svg.matches("<polyline").count(), svg.matches("<circle").count()), (1, 2));
+        assert!(svg.contains("a&lt;b 60.000") && svg.contains(">two<") && svg.contains(">40.00<"));
+        assert!(svg.contains("height=\"600\"") && !svg.contains("NaN"), "{svg}");
+    }
+}

@@ -1,0 +1,254 @@
+//! A network before folding: its parameters with batch normalisation and the head's scalars apart, in a file of its own.
+//!
+//! This is what passes between PyTorch and the trainer; the tracker never sees it. A safetensors container of f32
+//! tensors named `parameter.<name>`, with one metadata key `parameters`: an object of `format` (1), `architecture`, `input`
+//! and `source`. The trainer's checkpoints are read as well: they hold the same tensors beside others, and say the
+//! architecture under `trainer`.
+
+use crate::{
+    architecture::{Architecture, LayerKind},
+    error::{ReadError, WriteError},
+    file,
+    header::InputNormalisation,
+    weights::Tensor,
+};
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use serde::{Deserialize, Serialize};
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::Path,
+};
+
+/// Largest file accepted: the unpruned network with an optimiser's state and the networks that only training needs.
+const MAX_BYTES: u64 = 1 << 30;
+const FORMAT: u32 = 1;
+const KEY: &str = "parameters";
+const TRAINER: &str = "trainer";
+
+/// A network's parameters as they are trained.
+///
+/// For every convolution `<name>` there is `<name>.weight` (`[Cout, kh, kw, Cin]`) and `<name>.bias` (`[Cout]`), with
+/// batch normalisation also `<name>.bn.scale`, `.bn.shift`, `.bn.mean`, `.bn.variance` (`[Cout]`); and `head.si`,
+/// `head.bi` (`[]`): distances are `exp(si o + bi) * 8`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unfolded {
+    /// Determines every tensor's name and shape.
+    pub architecture: Architecture,
+    /// What the network expects of pixels.
+    pub input: InputNormalisation,
+    /// What it was made from, in words for people.
+    pub source: String,
+    /// Every tensor by name.
+    pub tensors: BTreeMap<String, Tensor>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Described {
+    format: u32,
+    architecture: Architecture,
+    input: InputNormalisation,
+    source: String,
+}
+
+/// The part of a trainer's checkpoint that matters here.
+#[derive(Deserialize)]
+struct Checkpoint {
+    options: Options,
+}
+
+#[derive(Deserialize)]
+struct Options {
+    architecture: Architecture,
+}
+
+impl Unfolded {
+    /// Name and shape of every tensor of a network.
+    ///
+    /// Expects an architecture that passed [`Architecture::check`].
+    pub fn shapes(architecture: &Architecture) -> Vec<(String, Vec<usize>)> {
+        let mut shapes = Vec::new();
+        for layer in architecture.layers().iter().filter(|layer| layer.kind == LayerKind::Conv) {
+            let name = &layer.name;
+            shapes.push((format!("{name}.weight"), layer.weight_shape().to_vec()));
+            shapes.push((format!("{name}.bias"), vec![layer.out_channels]));
+            if layer.bn {
+                let parts = ["scale", "shift", "mean", "variance"];
+                shapes.extend(parts.map(|part| (format!("{name}.bn.{part}"), vec![layer.out_channels])));
+            }
+        }
+        shapes.extend(["head.si", "head.bi"].map(|name| (name.to_owned(), Vec::new())));
+        shapes
+    }
+
+    /// Reads such a file, or the deployed parameters of a trainer's checkpoint.
+    ///
+    /// # Errors
+    /// Names the file and the field or tensor that is wrong.
+    pub fn read(path: &Path) -> Result<Unfolded, ReadError> {
+        let name = |error| ReadError::File { path: path.into(), error: Box::new(error) };
+        let bytes = file::read_bounded(path, MAX_BYTES).map_err(name)?;
+        Unfolded::from_bytes(&bytes).map_err(name)
+    }
+
+    /// The same from memory.
+    ///
+    /// # Errors
+    /// Names the field or tensor that is wrong.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Unfolded, ReadError> {
+        let malformed = |error| ReadError::container("container", "a safetensors file", error);
+        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(malformed)?;
+        let entry = |key: &str| metadata.metadata().as_ref().and_then(|entries| entries.get(key));
+        let wrong = |key: &str, error| ReadError::metadata(key, "the description of a network", error);
+        let described = match (entry(KEY), entry(TRAINER)) {
+            (Some(text), _) => serde_json::from_str::<Described>(text).map_err(|error| wrong(KEY, error))?,
+            (None, Some(text)) => {
+                let Checkpoint { options } =
+                    serde_json::from_str(text).map_err(|error| wrong(TRAINER, error))?;
+                let input = InputNormalisation::TRAINED;
+                let source = "a checkpoint of the track-cpu trainer".into();
+                Described { format: FORMAT, architecture: options.architecture, input, source }
+            }
+            (None, None) => {
+                return Err(ReadError::metadata(KEY, "a description of a network", "no such key"));
+            }
+        };
+        if described.format != FORMAT {
+            return Err(ReadError::metadata("format", FORMAT, described.format));
+        }
+        let Described { architecture, input, source, .. } = described;
+        architecture.check()?;
+        input.check()?;
+        let file = SafeTensors::deserialize(bytes).map_err(malformed)?;
+        let mut tensors = BTreeMap::new();
+        for (name, shape) in Unfolded::shapes(&architecture) {
+            let expected = || format!("F32 with shape {shape:?}");
+            // A run that keeps running averages deploys those.
+            let names = [format!("average.{name}"), format!("parameter.{name}")];
+            let Some(view) = names.iter().find_map(|name| file.tensor(name).ok()) else {
+                return Err(ReadError::tensor(&names[1], expected(), "no such tensor"));
+            };
+            if (view.dtype(), view.shape()) != (Dtype::F32, &shape[..]) {
+                let found = format!("{:?} with shape {:?}", view.dtype(), view.shape());
+                return Err(ReadError::tensor(&name, expected(), found));
+            }
+            let data = view.data().as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
+            tensors.insert(name, Tensor { shape, data });
+        }
+        let unfolded = Unfolded { architecture, input, source, tensors };
+        unfolded.check()?;
+        Ok(unfolded)
+    }
+
+    /// Checks that there are exactly the tensors of the architecture, with finite values.
+    ///
+    /// # Errors
+    /// Names the first field or tensor that is wrong.
+    pub fn check(&self) -> Result<(), ReadError> {
+        self.architecture.check()?;
+        self.input.check()?;
+        let shapes = Unfolded::shapes(&self.architecture);
+        for (name, shape) in &shapes {
+            let tensor = self.tensors.get(name).filter(|tensor| {
+                tensor.shape == *shape && tensor.data.len() == shape.iter().product::<usize>()
+            });
+            let Some(tensor) = tensor else {
+                return Err(ReadError::tensor(name, format!("shape {shape:?}"), "another or none"));
+            };
+            if let Some(value) = tensor.data.iter().find(|value| !value.is_finite()) {
+                return Err(ReadError::tensor(name, "finite values", value));
+            }
+            if name.ends_with(".bn.variance") && tensor.data.iter().any(|value| *value < 0.0) {
+                return Err(ReadError::tensor(name, "no negative variance", "one"));
+            }
+        }
+        match self.tensors.keys().find(|name| !shapes.iter().any(|(known, _)| known == *name)) {
+            Some(name) => Err(ReadError::tensor(name, "no tensor of this name", "one")),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes a file: beside its place first, then renamed.
+    ///
+    /// # Errors
+    /// What [`check`](Self::check) refuses, and whatever the file system refuses.
+    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+        self.check()?;
+        let Unfolded { architecture, input, source, .. } = self.clone();
+        let described = Described { format: FORMAT, architecture, input, source };
+        let text = serde_json::to_string(&described)
+            .map_err(|error| ReadError::metadata(KEY, "values that can be written", error))?;
+        let bytes: Vec<Vec<u8>> = self
+            .tensors
+            .values()
+            .map(|tensor| tensor.data.iter().flat_map(|value| value.to_le_bytes()).collect())
+            .collect();
+        let refused = |error| ReadError::container("container", "a safetensors file", error);
+        let views: Vec<_> = self
+            .tensors
+            .iter()
+            .zip(&bytes)
+            .map(|((name, tensor), bytes)| {
+                let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).map_err(refused)?;
+                Ok((format!("parameter.{name}"), view))
+            })
+            .collect::<Result<_, ReadError>>()?;
+        let metadata = HashMap::from([(KEY.to_owned(), text)]);
+        let bytes = safetensors::serialize(views, Some(metadata)).map_err(refused)?;
+        file::write_atomically(path, &bytes).map_err(|error| WriteError::Io { path: path.into(), error })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::architecture::{Encoder, Widths};
+
+    fn example() -> Unfolded {
+        let widths = Widths::uniform([2, 3, 4, 3, 2], 3);
+        let architecture = Architecture::new(widths, Some(Encoder::standard(2)));
+        let tensor = |i: usize, shape: Vec<usize>| {
+            let data = (0..shape.iter().product::<usize>()).map(|j| (i * 7 + j) as f32 / 3.0).collect();
+            Tensor { shape, data }
+        };
+        let shapes = Unfolded::shapes(&architecture).into_iter().enumerate();
+        Unfolded {
+            architecture,
+            input: InputNormalisation::default(),
+            source: "a test".into(),
+            tensors: shapes.map(|(i, (name, shape))| (name, tensor(i, shape))).collect(),
+        }
+    }
+
+    #[test]
+    fn comes_back_bit_by_bit() {
+        let path = std::env::temp_dir().join(format!("unfolded-{}", std::process::id()));
+        let written = example();
+        written.write(&path).unwrap();
+        let found = Unfolded::read(&path);
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(found.unwrap(), written);
+    }
+
+    #[test]
+    fn says_what_is_wrong() {
+        let refused = |change: &dyn Fn(&mut Unfolded)| {
+            let mut unfolded = example();
+            change(&mut unfolded);
+            unfolded.check().unwrap_err().to_string()
+        };
+        assert!(refused(&|u| _ = u.tensors.remove("head.si")).contains("\"head.si\""));
+        assert!(refused(&|u| u.tensors.get_mut("head.bi").unwrap().data[0] = f32::NAN).contains("NaN"));
+        assert!(
+            refused(&|u| u.tensors.get_mut("dr.e2.0.bn.variance").unwrap().data[0] = -1.0)
+                .contains("negative")
+        );
+        assert!(refused(&|u| u.architecture.widths.neck_cls = 4).contains("neck.template_cls.weight"));
+        assert!(refused(&|u| u.input.std[0] = 0.0).contains("input.std"));
+        let extra = Tensor { shape: vec![], data: vec![0.0] };
+        assert!(refused(&|u| _ = u.tensors.insert("more".into(), extra.clone())).contains("\"more\""));
+        let weights = crate::Weights::random(example().architecture, 1).to_bytes().unwrap();
+        assert!(Unfolded::from_bytes(&weights).unwrap_err().to_string().contains("no such key"));
+        assert!(Unfolded::from_bytes(&weights[..99]).is_err());
+    }
+}
