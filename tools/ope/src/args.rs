@@ -1,7 +1,9 @@
 //! The command line: clap structs, nothing else.
 
+use clap::builder::TypedValueParser;
 use clap::{Parser, Subcommand, ValueEnum};
 use ope::Dataset;
+use scenes::Difficulty;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
@@ -31,6 +33,7 @@ Examples:
   ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
   ope compare --dataset dtb70 --root /data/DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
   ope report --dataset dtb70 --root /data/DTB70 --out report.html results/DTB70/track-cpu results/DTB70/kcf
+  ope render --out flights --count 3 && ope run --dataset folder --root flights --out results
   ope export --to pysot --dataset dtb70 --results results/DTB70/track-cpu --out exported
 
 Exit codes:
@@ -54,6 +57,8 @@ pub enum Command {
     Report(ReportArgs),
     /// Write results in another toolkit's layout.
     Export(ExportArgs),
+    /// Write rendered flights as a benchmark on disk: --dataset folder reads it, and so does the VOT toolkit.
+    Render(RenderArgs),
 }
 
 /// `run`.
@@ -294,6 +299,57 @@ impl Rule {
         };
         &ope::Convention::ALL[at]
     }
+}
+
+/// `render`.
+#[derive(Debug, clap::Args)]
+pub struct RenderArgs {
+    /// Where to write: a folder per flight with color/, groundtruth.txt and what VOT's toolkit asks for.
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Seed of the first flight; the others have the next ones.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// How many flights.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000).map(|n| n as usize))]
+    pub count: usize,
+    /// Frames in each.
+    #[arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(1..=100_000).map(|n| n as usize))]
+    pub frames: usize,
+    /// Width and height in pixels, at most 4096.
+    #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = size)]
+    pub size: (usize, usize),
+    /// How hard they are to follow.
+    #[arg(long, value_enum, default_value_t = Hardness::Easy)]
+    pub difficulty: Hardness,
+}
+
+/// How hard a flight is to follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Hardness {
+    /// Calm and clear.
+    Easy,
+    /// Shake, look-alikes, occlusions.
+    Medium,
+    /// More of it, and exits from the view.
+    Hard,
+}
+
+impl Hardness {
+    /// The difficulty meant.
+    pub fn difficulty(self) -> Difficulty {
+        match self {
+            Hardness::Easy => Difficulty::Easy,
+            Hardness::Medium => Difficulty::Medium,
+            Hardness::Hard => Difficulty::Hard,
+        }
+    }
+}
+
+fn size(text: &str) -> Result<(usize, usize), String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (32..=4096).contains(side));
+    let sides = text.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
+    sides.ok_or_else(|| "expected WIDTHxHEIGHT, each from 32 to 4096 pixels".into())
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {

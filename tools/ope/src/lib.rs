@@ -8,6 +8,7 @@
 //! |---|---|
 //! | files of boxes and times, as people write them | [`text`], [`annotations`], [`results`] |
 //! | benchmarks as they lie on disk | [`dataset`] |
+//! | rendered flights as a benchmark | [`render`] |
 //! | a tracker over a benchmark, ours or another program | [`run`] |
 //! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
 //! | several trackers: tables, plots, a page | [`compare`], [`plot`], [`report`] |
@@ -26,6 +27,7 @@ pub mod error;
 pub mod export;
 pub mod notes;
 pub mod plot;
+pub mod render;
 pub mod report;
 pub mod results;
 pub mod run;

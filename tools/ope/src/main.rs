@@ -16,6 +16,7 @@ fn main() -> ExitCode {
         Command::Compare(args) => commands::compare::compare(&args),
         Command::Report(args) => commands::compare::report(&args),
         Command::Export(args) => commands::export::run(&args),
+        Command::Render(args) => commands::render::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

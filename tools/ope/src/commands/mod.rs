@@ -2,6 +2,7 @@
 
 pub mod compare;
 pub mod export;
+pub mod render;
 pub mod run;
 pub mod score;
 

@@ -1,0 +1,161 @@
+"""track-cpu from Python by ctypes: a tracker where cv2.TrackerNano stood. Needs nothing but the shared library.
+
+    import track_cpu
+    tracker = track_cpu.Tracker()                      # or Tracker(model="weights.safetensors", threads=2)
+    tracker.init(frame, (300, 120, 40, 24))            # frame: a NumPy array as cv2 has it, H x W x 3, BGR
+    ok, (x, y, w, h) = tracker.update(frame)           # not rounded
+    score = tracker.getTrackingScore()
+
+Instead of an array, a frame may be (bytes, width, height) of BGR pixels. The library is looked for where the variable
+TRACK_CPU_LIBRARY says, beside this file, and in target/release; `cargo build --release -p capi` makes it.
+
+Run as a program it follows an object through headerless RGB frames:
+
+    ffmpeg -i flight.mp4 -f rawvideo -pix_fmt rgb24 - | python3 track_cpu.py 1280 720 300 120 40 24
+"""
+
+import ctypes
+import os
+import pathlib
+import sys
+
+BGR, RGB, BGRA, RGBA, GRAY = range(5)
+_CHANNELS = {BGR: 3, RGB: 3, BGRA: 4, RGBA: 4, GRAY: 1}
+
+
+class Error(Exception):
+    """What the library says went wrong; `code` is the number of track_cpu.h."""
+
+    def __init__(self, code, words):
+        super().__init__(words)
+        self.code = code
+
+
+class _Image(ctypes.Structure):
+    _fields_ = [
+        ("data", ctypes.c_void_p),
+        ("width", ctypes.c_uint32),
+        ("height", ctypes.c_uint32),
+        ("stride", ctypes.c_size_t),
+        ("format", ctypes.c_uint32),
+    ]
+
+
+class _Box(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_float) for name in "xywh"]
+
+
+def _load():
+    here = pathlib.Path(__file__).resolve().parent
+    name = {"darwin": "libtrack_cpu_c.dylib", "win32": "track_cpu_c.dll"}.get(sys.platform, "libtrack_cpu_c.so")
+    named = os.environ.get("TRACK_CPU_LIBRARY")
+    places = [pathlib.Path(named)] if named else [here / name, here.parents[2] / "target" / "release" / name]
+    for place in places:
+        if place.exists():
+            break
+    else:
+        raise OSError("no " + " or ".join(map(str, places)) + "; `cargo build --release -p capi` makes it")
+    library = ctypes.CDLL(str(place))
+    handle, image, box = ctypes.c_void_p, ctypes.POINTER(_Image), ctypes.POINTER(_Box)
+    for function, arguments in [
+        ("create", [ctypes.c_char_p, ctypes.c_uint32, ctypes.POINTER(handle)]),
+        ("init", [handle, image, box]),
+        ("update", [handle, image, box]),
+        ("score", [handle, ctypes.POINTER(ctypes.c_float)]),
+    ]:
+        getattr(library, "track_cpu_" + function).argtypes = arguments
+    library.track_cpu_destroy.argtypes = [handle]
+    library.track_cpu_destroy.restype = None
+    library.track_cpu_last_error.restype = ctypes.c_char_p
+    library.track_cpu_version.restype = ctypes.c_char_p
+    return library
+
+
+_library = _load()
+__version__ = _library.track_cpu_version().decode()
+
+
+def _check(code):
+    if code:
+        raise Error(code, _library.track_cpu_last_error().decode())
+
+
+def _image(frame, format):
+    """The picture as the library takes it, and what has to be kept for as long as it is used."""
+    if isinstance(frame, tuple):
+        data, width, height = frame
+        pixel = _CHANNELS[format]
+        if len(data) < width * height * pixel:
+            raise ValueError(f"{len(data)} bytes, expected {width * height * pixel}: {width} x {height} x {pixel}")
+        kept = ctypes.c_char_p(bytes(data))
+        return _Image(ctypes.cast(kept, ctypes.c_void_p), width, height, 0, format), kept
+    array = frame.__array_interface__
+    shape, strides = array["shape"], array["strides"]
+    if array["typestr"] != "|u1" or len(shape) not in (2, 3):
+        raise ValueError(f"an array of {array['typestr']} with shape {shape}, expected uint8 with H x W x C")
+    channels = shape[2] if len(shape) == 3 else 1
+    if len(shape) == 2 or channels == 1:
+        format = GRAY
+    elif channels == 4 and format in (BGR, RGB):
+        format = BGRA if format == BGR else RGBA
+    if channels != _CHANNELS[format]:
+        raise ValueError(f"{channels} channels, expected 1, 3 or 4")
+    if strides is not None and (strides[1:] != (channels, 1)[: len(shape) - 1] or strides[0] < shape[1] * channels):
+        frame = frame.copy()
+        array = frame.__array_interface__
+        strides = array["strides"]
+    stride = strides[0] if strides is not None else 0
+    return _Image(array["data"][0], shape[1], shape[0], stride, format), frame
+
+
+class Tracker:
+    """Follows one object. Not for several threads at a time."""
+
+    def __init__(self, model=None, threads=1):
+        self._handle = ctypes.c_void_p()
+        path = None if model is None else os.fsencode(model)
+        _check(_library.track_cpu_create(path, threads, ctypes.byref(self._handle)))
+
+    def __del__(self):
+        if getattr(self, "_handle", None):
+            _library.track_cpu_destroy(self._handle)
+            self._handle = None
+
+    def init(self, frame, box, format=BGR):
+        """Takes what is inside the box (x, y, w, h) as the target."""
+        image, kept = _image(frame, format)
+        _check(_library.track_cpu_init(self._handle, ctypes.byref(image), ctypes.byref(_Box(*box))))
+        del kept
+
+    def update(self, frame, format=BGR):
+        """Finds the target: True and its box. Whether it really is there, getTrackingScore() says."""
+        image, kept = _image(frame, format)
+        box = _Box()
+        _check(_library.track_cpu_update(self._handle, ctypes.byref(image), ctypes.byref(box)))
+        del kept
+        return True, (box.x, box.y, box.w, box.h)
+
+    def getTrackingScore(self):
+        """How sure the tracker is of the last box, from 0 to 1."""
+        score = ctypes.c_float()
+        _check(_library.track_cpu_score(self._handle, ctypes.byref(score)))
+        return score.value
+
+
+def main():
+    if len(sys.argv) != 7:
+        sys.exit("usage: track_cpu.py WIDTH HEIGHT X Y W H < frames.rgb")
+    width, height = map(int, sys.argv[1:3])
+    box = tuple(map(float, sys.argv[3:]))
+    tracker = None
+    while len(pixels := sys.stdin.buffer.read(width * height * 3)) == width * height * 3:
+        if tracker is None:
+            tracker = Tracker()
+            tracker.init((pixels, width, height), box, RGB)
+        else:
+            _, box = tracker.update((pixels, width, height), RGB)
+        print(",".join(f"{v:.3f}" for v in box) + f",{tracker.getTrackingScore():.4f}")
+
+
+if __name__ == "__main__":
+    main()

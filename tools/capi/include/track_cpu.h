@@ -1,0 +1,85 @@
+/* track-cpu: follows one object through video on a CPU.
+ *
+ *     track_cpu_tracker *tracker;
+ *     if (track_cpu_create(NULL, 1, &tracker) != TRACK_CPU_OK) { puts(track_cpu_last_error()); return 1; }
+ *     track_cpu_image image = {pixels, 640, 360, 0, TRACK_CPU_BGR};
+ *     track_cpu_box box = {300, 120, 40, 24};
+ *     track_cpu_init(tracker, &image, &box);
+ *     while (next(&image)) track_cpu_update(tracker, &image, &box);
+ *     track_cpu_destroy(tracker);
+ *
+ * Build the library with `cargo build --release -p capi`: target/release/libtrack_cpu_c.so (.dylib, track_cpu_c.dll).
+ *
+ * Each function that returns an int32_t returns one of the codes below; track_cpu_last_error() says in words what was
+ * expected and found. A tracker may be used by one thread at a time, different trackers by different threads. Nothing
+ * is kept of a picture after a call. */
+
+#ifndef TRACK_CPU_H
+#define TRACK_CPU_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    TRACK_CPU_OK = 0,
+    TRACK_CPU_ARGUMENT = 1, /* a pointer is null, or a number is none of those allowed */
+    TRACK_CPU_MODEL = 2,    /* the weights file cannot be used */
+    TRACK_CPU_IMAGE = 3,    /* the picture is none: a side is 0 or above 32768, or the stride shorter than a row */
+    TRACK_CPU_TARGET = 4,   /* the box has no area or lies outside of the picture, or there is no target yet */
+    TRACK_CPU_DEFECT = 5    /* a defect of the library; the tracker should be destroyed */
+};
+
+enum {
+    TRACK_CPU_BGR = 0, /* three bytes a pixel, as OpenCV has them */
+    TRACK_CPU_RGB = 1,
+    TRACK_CPU_BGRA = 2, /* four bytes a pixel, the last one ignored */
+    TRACK_CPU_RGBA = 3,
+    TRACK_CPU_GRAY = 4 /* one byte a pixel */
+};
+
+typedef struct track_cpu_tracker track_cpu_tracker;
+
+/* A picture that the caller keeps: rows from the top, pixels from the left. */
+typedef struct track_cpu_image {
+    const uint8_t *data;
+    uint32_t width, height; /* pixels */
+    size_t stride;          /* bytes from one row to the next; 0 if there is no gap between them */
+    uint32_t format;        /* TRACK_CPU_BGR ... TRACK_CPU_GRAY */
+} track_cpu_image;
+
+/* A box in pixels: left, top, width, height. A box of one pixel at (3, 4) is {3, 4, 1, 1}. */
+typedef struct track_cpu_box {
+    float x, y, w, h;
+} track_cpu_box;
+
+/* Makes a tracker of a weights file (UTF-8), or of the built-in model if model_path is NULL; threads from 1 to 256 work
+ * on one frame. *out is NULL if it fails. */
+int32_t track_cpu_create(const char *model_path, uint32_t threads, track_cpu_tracker **out);
+
+/* Takes what is inside the box as the target, forgetting any earlier one, which stays if this fails. */
+int32_t track_cpu_init(track_cpu_tracker *tracker, const track_cpu_image *image, const track_cpu_box *target);
+
+/* Finds the target in the next picture, which may have another size. */
+int32_t track_cpu_update(track_cpu_tracker *tracker, const track_cpu_image *image, track_cpu_box *out);
+
+/* How sure the tracker is of the last box, from 0 to 1: OpenCV's getTrackingScore(). 1 after track_cpu_init. */
+int32_t track_cpu_score(const track_cpu_tracker *tracker, float *out);
+
+/* Ends a tracker; NULL is none. */
+void track_cpu_destroy(track_cpu_tracker *tracker);
+
+/* The last failure on this thread in words; never NULL; lasts until the next call on this thread. */
+const char *track_cpu_last_error(void);
+
+/* The library's version, such as "0.1.0". */
+const char *track_cpu_version(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,93 @@
+//! What went wrong, as a code and in words; panics among it.
+
+use std::cell::RefCell;
+use std::ffi::{CString, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use track_cpu::{FrameError, ModelError, TrackError};
+
+/// Why a call failed. The codes are those of `track_cpu.h`.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// A pointer is null.
+    #[error("{0} is null")]
+    Null(&'static str),
+    /// There cannot be as many threads.
+    #[error("{found} threads, expected 1 to {most}")]
+    Threads {
+        /// How many were asked for.
+        found: u32,
+        /// How many there may be.
+        most: u32,
+    },
+    /// A path is no text.
+    #[error("the path of the model is not UTF-8")]
+    Path,
+    /// A picture's format is none.
+    #[error("image format {found}, expected 0 to 4")]
+    Format {
+        /// What was given.
+        found: u32,
+    },
+    /// A model cannot be used.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A picture is none.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The tracker refuses.
+    #[error(transparent)]
+    Track(#[from] TrackError),
+    /// A defect of this library.
+    #[error("a defect in track-cpu: {0}")]
+    Panic(String),
+}
+
+impl Failure {
+    fn code(&self) -> i32 {
+        match self {
+            Failure::Null(_) | Failure::Threads { .. } | Failure::Path | Failure::Format { .. } => 1,
+            Failure::Model(_) => 2,
+            Failure::Frame(_) => 3,
+            Failure::Track(_) => 4,
+            Failure::Panic(_) => 5,
+        }
+    }
+}
+
+thread_local! {
+    static LAST: RefCell<CString> = RefCell::default();
+}
+
+/// Runs what a call does; a failure is kept in words and given as a code, 0 being success.
+pub fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
+    let done = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+        Err(Failure::Panic(text.unwrap_or_else(|| "a panic".into())))
+    });
+    let Err(failure) = done else { return 0 };
+    let words = CString::new(failure.to_string().replace('\0', " ")).unwrap_or_default();
+    // Fails while the thread ends: then nobody asks.
+    let _ = LAST.try_with(|last| last.replace(words));
+    failure.code()
+}
+
+/// The last failure of this thread in words, until the next call.
+pub fn last() -> Option<*const c_char> {
+    LAST.try_with(|last| last.borrow().as_ptr()).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panics_become_a_code() {
+        std::panic::set_hook(Box::new(|_| {}));
+        assert_eq!(guarded(|| panic!("row {} is missing", 3)), 5);
+        let text = LAST.with(|last| last.borrow().to_str().unwrap().to_owned());
+        assert_eq!(text, "a defect in track-cpu: row 3 is missing");
+        assert_eq!(guarded(|| Ok(())), 0);
+        assert_eq!(guarded(|| Err(Failure::Null("out"))), 1);
+    }
+}

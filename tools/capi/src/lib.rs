@@ -1,0 +1,224 @@
+//! The tracker for C, C++ and Python: create, init, update, score, destroy. `include/track_cpu.h` is its documentation.
+//!
+//! | where | what |
+//! |---|---|
+//! | `include/track_cpu.h` | the header |
+//! | `examples/follow.c` | raw frames to boxes in C |
+//! | `examples/track_cpu.py` | the same library from Python by ctypes: a class that stands where `cv2.TrackerNano` stood |
+//!
+//! Every function gives a code, 0 for success; [`track_cpu_last_error`] says in words what went wrong. No panic crosses
+//! the boundary: it becomes a code as well.
+//!
+//! This is the only crate outside of the kernels that is not `forbid(unsafe_code)`: a C caller's pointers cannot be used
+//! otherwise. All of that is in this file, nothing but the boundary is here, and each block says what it relies on.
+
+mod failure;
+
+use failure::{Failure, guarded};
+use std::ffi::{CStr, c_char};
+use std::path::Path;
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker, TrackerOptions};
+
+/// Most threads that a tracker may have.
+const MAX_THREADS: u32 = 256;
+
+/// A box in pixels: left, top, width, height.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(non_camel_case_types)]
+pub struct track_cpu_box {
+    /// Left edge.
+    pub x: f32,
+    /// Top edge.
+    pub y: f32,
+    /// Width.
+    pub w: f32,
+    /// Height.
+    pub h: f32,
+}
+
+/// A picture that the caller keeps.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+#[allow(non_camel_case_types)]
+pub struct track_cpu_image {
+    /// `height` rows, `stride` bytes apart.
+    pub data: *const u8,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Bytes from one row to the next; 0 if there is no gap between them.
+    pub stride: usize,
+    /// 0 BGR, 1 RGB, 2 BGRA, 3 RGBA, 4 gray.
+    pub format: u32,
+}
+
+/// A tracker; C knows it by its address only.
+#[allow(non_camel_case_types)]
+pub struct track_cpu_tracker {
+    tracker: Tracker,
+    score: f32,
+}
+
+/// Makes a tracker of a weights file, or of the built-in model if `model_path` is null.
+///
+/// # Safety
+/// `model_path` is null or a string that ends in 0; `out` is null or may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_create(
+    model_path: *const c_char,
+    threads: u32,
+    out: *mut *mut track_cpu_tracker,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that `out` is null or may be written to.
+        let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
+        *out = std::ptr::null_mut();
+        if !(1..=MAX_THREADS).contains(&threads) {
+            return Err(Failure::Threads { found: threads, most: MAX_THREADS });
+        }
+        let model = match model_path.is_null() {
+            true => Model::builtin(Isa::detect()),
+            false => {
+                // SAFETY: it is not null, and the caller promises that it then is a string that ends in 0.
+                let path = unsafe { CStr::from_ptr(model_path) };
+                let path = path.to_str().map_err(|_| Failure::Path)?;
+                Model::read(Path::new(path), Isa::detect())?
+            }
+        };
+        let options = TrackerOptions { threads: threads as usize, config: model.config() };
+        let tracker = Tracker::with_options(model, options);
+        *out = Box::into_raw(Box::new(track_cpu_tracker { tracker, score: 0.0 }));
+        Ok(())
+    })
+}
+
+/// Takes what is inside a box as the target, forgetting any earlier one.
+///
+/// # Safety
+/// `tracker` is null or was made by [`track_cpu_create`], is not destroyed and is not in use by another thread; `image`
+/// and `target` are null or may be read, and so may the picture's bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_init(
+    tracker: *mut track_cpu_tracker,
+    image: *const track_cpu_image,
+    target: *const track_cpu_box,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that it is null or a tracker that nobody else uses.
+        let tracker = unsafe { tracker.as_mut() }.ok_or(Failure::Null("tracker"))?;
+        // SAFETY: the caller promises that it is null or may be read.
+        let image = unsafe { image.as_ref() }.ok_or(Failure::Null("image"))?;
+        // SAFETY: the caller promises that it is null or may be read.
+        let target = unsafe { target.as_ref() }.ok_or(Failure::Null("target"))?;
+        // SAFETY: the caller promises that the picture's bytes may be read.
+        let frame = unsafe { frame(image) }?;
+        tracker.tracker.init(&frame, BBox::new(target.x, target.y, target.w, target.h))?;
+        tracker.score = 1.0;
+        Ok(())
+    })
+}
+
+/// Finds the target in the next picture.
+///
+/// # Safety
+/// As of [`track_cpu_init`]; `out` is null or may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_update(
+    tracker: *mut track_cpu_tracker,
+    image: *const track_cpu_image,
+    out: *mut track_cpu_box,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that it is null or a tracker that nobody else uses.
+        let tracker = unsafe { tracker.as_mut() }.ok_or(Failure::Null("tracker"))?;
+        // SAFETY: the caller promises that it is null or may be read.
+        let image = unsafe { image.as_ref() }.ok_or(Failure::Null("image"))?;
+        // SAFETY: the caller promises that it is null or may be written to.
+        let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
+        // SAFETY: the caller promises that the picture's bytes may be read.
+        let frame = unsafe { frame(image) }?;
+        let track = tracker.tracker.update(&frame)?;
+        tracker.score = track.score;
+        *out = track_cpu_box { x: track.bbox.x, y: track.bbox.y, w: track.bbox.w, h: track.bbox.h };
+        Ok(())
+    })
+}
+
+/// How sure the tracker is of the last box, 0 to 1.
+///
+/// # Safety
+/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `out` is null or may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out: *mut f32) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that it is null or a tracker.
+        let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
+        // SAFETY: the caller promises that it is null or may be written to.
+        let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
+        *out = tracker.score;
+        Ok(())
+    })
+}
+
+/// Ends a tracker; null is none.
+///
+/// # Safety
+/// `tracker` is null or was made by [`track_cpu_create`] and is not used again.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_destroy(tracker: *mut track_cpu_tracker) {
+    guarded(|| {
+        if !tracker.is_null() {
+            // SAFETY: it came out of `Box::into_raw`, and the caller promises that this happens once.
+            drop(unsafe { Box::from_raw(tracker) });
+        }
+        Ok(())
+    });
+}
+
+/// What the last failure on this thread was, in words: a string that lasts until the next call on this thread.
+#[unsafe(no_mangle)]
+pub extern "C" fn track_cpu_last_error() -> *const c_char {
+    failure::last().unwrap_or(c"".as_ptr())
+}
+
+/// This library's version.
+#[unsafe(no_mangle)]
+pub extern "C" fn track_cpu_version() -> *const c_char {
+    const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
+    VERSION.as_ptr().cast()
+}
+
+/// The caller's picture.
+///
+/// # Safety
+/// `image.data` is null, or as many bytes as the size, stride and format say may be read there for as long as `image`
+/// lives.
+unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
+    let track_cpu_image { data, width, height, stride, format } = *image;
+    if data.is_null() {
+        return Err(Failure::Null("image data"));
+    }
+    let order = match format {
+        0 => ChannelOrder::Bgr,
+        1 => ChannelOrder::Rgb,
+        2 => ChannelOrder::Bgra,
+        3 => ChannelOrder::Rgba,
+        4 => ChannelOrder::Gray,
+        found => return Err(Failure::Format { found }),
+    };
+    let (width, height) = (width as usize, height as usize);
+    let row = width.saturating_mul(order.bytes_per_pixel());
+    let stride = if stride == 0 { row } else { stride };
+    // Sizes that no frame has are refused before a slice of that length could be made.
+    let sides = 1..=Frame::MAX_SIDE;
+    let length = stride.checked_mul(height.saturating_sub(1)).and_then(|gaps| gaps.checked_add(row));
+    let length = match length.filter(|length| isize::try_from(*length).is_ok()) {
+        Some(length) if sides.contains(&width) && sides.contains(&height) && stride >= row => length,
+        _ => return Ok(Frame::with_stride(&[], width, height, stride, order)?), // says what is wrong
+    };
+    // SAFETY: it is not null; the caller promises that the bytes of its rows may be read, and they fit an `isize`.
+    let bytes = unsafe { std::slice::from_raw_parts(data, length) };
+    Ok(Frame::with_stride(bytes, width, height, stride, order)?)
+}

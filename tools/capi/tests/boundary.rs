@@ -1,0 +1,236 @@
+//! The library from the other side: wrong arguments, a compiled C program, Python.
+
+use std::ffi::{CStr, CString};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::ptr::{null, null_mut};
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
+use track_cpu_c::*;
+
+const WIDTH: usize = 96;
+const HEIGHT: usize = 64;
+const INIT: [f32; 4] = [24.0, 24.0, 16.0, 16.0];
+
+/// A bright square on a pattern, moving to the right by two pixels a frame.
+fn frames() -> Vec<Vec<u8>> {
+    let frame = |shift: usize| {
+        let pixel = |i: usize| {
+            let (x, y) = (i % WIDTH, i / WIDTH);
+            let inside = (24 + shift..40 + shift).contains(&x) && (24..40).contains(&y);
+            if inside { [240, 200, 60] } else { [(x * 7 % 60) as u8, (y * 13 % 60) as u8, 40] }
+        };
+        (0..WIDTH * HEIGHT).flat_map(pixel).collect()
+    };
+    (0..4).map(|i| frame(2 * i)).collect()
+}
+
+/// What the Rust library finds in them.
+fn expected() -> Vec<[f32; 5]> {
+    let mut tracker = Tracker::new(Model::builtin(Isa::detect()));
+    let mut rows = Vec::new();
+    for pixels in frames() {
+        let frame = Frame::new(&pixels, WIDTH, HEIGHT, ChannelOrder::Rgb).unwrap();
+        let [x, y, w, h] = INIT;
+        if rows.is_empty() {
+            tracker.init(&frame, BBox::new(x, y, w, h)).unwrap();
+            rows.push([x, y, w, h, 1.0]);
+        } else {
+            let track = tracker.update(&frame).unwrap();
+            rows.push([track.bbox.x, track.bbox.y, track.bbox.w, track.bbox.h, track.score]);
+        }
+    }
+    rows
+}
+
+fn image(pixels: &[u8]) -> track_cpu_image {
+    track_cpu_image {
+        data: pixels.as_ptr(),
+        width: WIDTH as u32,
+        height: HEIGHT as u32,
+        stride: 0,
+        format: 1,
+    }
+}
+
+fn last_error() -> String {
+    // SAFETY: it is never null and lasts until the next call on this thread.
+    unsafe { CStr::from_ptr(track_cpu_last_error()) }.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn the_same_boxes_as_in_rust() {
+    let mut tracker = null_mut();
+    let (mut target, mut score) = (track_cpu_box { x: 24.0, y: 24.0, w: 16.0, h: 16.0 }, 0.0);
+    // SAFETY: every pointer is to something that lives here, and the tracker is destroyed once.
+    unsafe {
+        assert_eq!(track_cpu_create(null(), 1, &mut tracker), 0);
+        for (i, (pixels, expected)) in frames().iter().zip(expected()).enumerate() {
+            let code = match i {
+                0 => track_cpu_init(tracker, &image(pixels), &target),
+                _ => track_cpu_update(tracker, &image(pixels), &mut target),
+            };
+            assert_eq!((code, track_cpu_score(tracker, &mut score)), (0, 0), "{}", last_error());
+            assert_eq!([target.x, target.y, target.w, target.h, score], expected);
+        }
+        track_cpu_destroy(tracker);
+        track_cpu_destroy(null_mut());
+        let version = CStr::from_ptr(track_cpu_version());
+        assert_eq!(version.to_str().unwrap(), env!("CARGO_PKG_VERSION"));
+    }
+}
+
+#[test]
+fn what_is_wrong_is_a_code_and_words() {
+    let pixels = &frames()[0];
+    let (good, target) = (image(pixels), track_cpu_box { x: 24.0, y: 24.0, w: 16.0, h: 16.0 });
+    let (mut tracker, mut found, mut score) = (null_mut(), track_cpu_box::default(), 0.0);
+    let told = |code: i32, expected: i32, part: &str| {
+        let text = last_error();
+        assert!(code == expected && text.contains(part), "{code} {text:?}, expected {expected} {part:?}");
+    };
+    // SAFETY: every pointer is null or to something that lives here, the sizes are refused before data is read, and the
+    // tracker is destroyed once.
+    unsafe {
+        told(track_cpu_create(null(), 1, null_mut()), 1, "out is null");
+        told(track_cpu_create(null(), 0, &mut tracker), 1, "0 threads, expected 1 to 256");
+        let missing = CString::new("/nonexistent.safetensors").unwrap();
+        told(track_cpu_create(missing.as_ptr(), 1, &mut tracker), 2, "/nonexistent.safetensors");
+        assert!(tracker.is_null());
+        let binary = CString::new(b"\xff\xfe".to_vec()).unwrap();
+        told(track_cpu_create(binary.as_ptr(), 1, &mut tracker), 1, "UTF-8");
+        assert_eq!(track_cpu_create(null(), 1, &mut tracker), 0);
+
+        told(track_cpu_update(tracker, &good, &mut found), 4, "no target yet");
+        told(track_cpu_init(null_mut(), &good, &target), 1, "tracker is null");
+        told(track_cpu_init(tracker, null(), &target), 1, "image is null");
+        told(track_cpu_init(tracker, &good, null()), 1, "target is null");
+        told(track_cpu_update(tracker, &good, null_mut()), 1, "out is null");
+        told(track_cpu_score(null(), &mut score), 1, "tracker is null");
+        told(track_cpu_score(tracker, null_mut()), 1, "out is null");
+        for (bad, code, part) in [
+            (track_cpu_image { data: null(), ..good }, 1, "image data is null"),
+            (track_cpu_image { format: 5, ..good }, 1, "image format 5"),
+            (track_cpu_image { width: 0, ..good }, 3, "0x64"),
+            (track_cpu_image { height: u32::MAX, ..good }, 3, "4294967295"),
+            (track_cpu_image { stride: 7, ..good }, 3, "stride is 7 bytes, expected at least 288"),
+            (track_cpu_image { stride: usize::MAX, ..good }, 3, "frame data"),
+        ] {
+            told(track_cpu_init(tracker, &bad, &target), code, part);
+        }
+        for bad in [f32::NAN, f32::INFINITY, -1.0, 0.0] {
+            told(
+                track_cpu_init(tracker, &good, &track_cpu_box { w: bad, ..target }),
+                4,
+                "width and height above 0",
+            );
+        }
+        told(track_cpu_init(tracker, &good, &track_cpu_box { x: 500.0, ..target }), 4, "outside");
+        assert_eq!(track_cpu_init(tracker, &good, &target), 0);
+        track_cpu_destroy(tracker);
+    }
+}
+
+/// The folder of the shared library: where this test lies, or the one above.
+fn library() -> Option<PathBuf> {
+    let name = format!("{}track_cpu_c{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    let at = std::env::current_exe().unwrap();
+    let found = at.ancestors().skip(1).take(2).map(|folder| folder.join(&name)).find(|path| path.is_file());
+    if found.is_none() {
+        println!("skipped: no {name} near {}", at.display());
+    }
+    found
+}
+
+fn has(program: &str) -> bool {
+    let found =
+        Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+    if !found {
+        println!("skipped: no {program}");
+    }
+    found
+}
+
+/// Feeds the frames to a program and holds what it prints against what the Rust library finds.
+fn follows(command: &mut Command) {
+    let [x, y, w, h] = INIT;
+    let arguments = [WIDTH as f32, HEIGHT as f32, x, y, w, h].map(|number| number.to_string());
+    let mut child = command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(&frames().concat()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{text}");
+    let rows: Vec<Vec<f32>> =
+        text.lines().map(|line| line.split(',').map(|number| number.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 4, "{text}");
+    for (found, expected) in rows.iter().zip(expected()) {
+        assert!(found.len() == 5 && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{text}");
+    }
+}
+
+fn source(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+#[cfg(unix)]
+#[test]
+fn a_c_program_follows() {
+    let (Some(library), true) = (library(), has("cc")) else { return };
+    let folder = library.parent().unwrap();
+    let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("follow");
+    let built = Command::new("cc")
+        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"])
+        .arg(source("examples/follow.c"))
+        .arg("-I")
+        .arg(source("include"))
+        .arg("-L")
+        .arg(folder)
+        .args(["-ltrack_cpu_c", "-o"])
+        .arg(&program)
+        .arg(format!("-Wl,-rpath,{}", folder.display()))
+        .status()
+        .unwrap();
+    assert!(built.success());
+    follows(&mut Command::new(program));
+}
+
+#[cfg(unix)]
+#[test]
+fn python_follows() {
+    let (Some(library), true) = (library(), has("python3")) else { return };
+    let example = source("examples/track_cpu.py");
+    follows(Command::new("python3").arg("-B").arg(&example).env("TRACK_CPU_LIBRARY", &library));
+
+    let script = r#"
+import track_cpu
+def code(call):
+    try:
+        call()
+    except track_cpu.Error as error:
+        return error.code, str(error)
+tracker = track_cpu.Tracker()
+gray = (bytes(64 * 48), 64, 48)
+assert code(lambda: tracker.update(gray, track_cpu.GRAY))[0] == 4
+assert code(lambda: tracker.init(gray, (900, 0, 5, 5), track_cpu.GRAY))[1].endswith("lies outside the 64x48 frame")
+assert code(lambda: track_cpu.Tracker(model="/nonexistent"))[0] == 2
+tracker.init(gray, (10, 10, 8, 8), track_cpu.GRAY)
+ok, box = tracker.update(gray, track_cpu.GRAY)
+assert ok and len(box) == 4 and 0 <= tracker.getTrackingScore() <= 1
+class Array:  # what NumPy shows of H x W x 3, rows 400 bytes apart
+    def __init__(self):
+        self.bytes = __import__("ctypes").create_string_buffer(48 * 400)
+        address = __import__("ctypes").addressof(self.bytes)
+        self.__array_interface__ = {"typestr": "|u1", "shape": (48, 64, 3), "strides": (400, 3, 1), "data": (address, False)}
+tracker.init(Array(), (10, 10, 8, 8))
+assert tracker.update(Array())[0]
+print("passed", track_cpu.__version__)
+"#;
+    let output = Command::new("python3")
+        .args(["-B", "-c", script])
+        .env("PYTHONPATH", source("examples"))
+        .env("TRACK_CPU_LIBRARY", &library)
+        .output()
+        .unwrap();
+    let (out, told) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success() && out.starts_with("passed"), "{told}");
+}
