@@ -5,18 +5,25 @@ use converter::Options;
 use std::path::PathBuf;
 use weights_format::{EncoderPosition, Storage};
 
-/// Convert a PyTorch checkpoint of DR-MIM / SiamFC++-AlexNet to a weights file
+/// Convert a PyTorch checkpoint of DR-MIM / SiamFC++-AlexNet to a weights file, and back
 ///
-/// Reads zip archives (torch 1.6 and later) and legacy streams, as data: nothing in them is executed. Batch
-/// normalisation and the head's scalars are folded in; tensors that only training needs are ignored and listed.
+/// Reads zip archives (torch 1.6 and later) and legacy streams, as data: nothing in them is executed. For a weights file,
+/// batch normalisation and the head's scalars are folded in; tensors that only training needs are ignored and listed.
 ///
-/// Exit codes: 2 usage, 3 checkpoint cannot be read, 4 checkpoint refused, 5 output cannot be written.
+/// `--to trainer` keeps them apart: what it writes, `train fit --init` and `train prune` take. `--to pytorch` goes the
+/// other way, from one of our files to a state dict under video_analyst's names, in a .pth or .safetensors file.
+///
+/// Exit codes: 2 usage, 3 file cannot be read, 4 file refused, 5 output cannot be written.
 #[derive(Debug, Parser)]
 #[command(version)]
 pub struct Args {
-    /// The checkpoint (.pth, .pt, .pkl)
+    /// The checkpoint (.pth, .pt, .pkl); for `--to pytorch` a weights file, a checkpoint of the trainer, or what `--to trainer`
+    /// wrote
     pub checkpoint: PathBuf,
-    /// The weights file to write; replaced if it exists
+    /// What to write
+    #[arg(long, value_enum, default_value_t = To::Weights)]
+    pub to: To,
+    /// The file to write; replaced if it exists
     #[arg(long, value_name = "FILE", required_unless_present = "dry_run")]
     pub out: Option<PathBuf>,
     /// Type of the weights in the file (biases are always f32)
@@ -34,6 +41,17 @@ pub struct Args {
     /// The encoder E2 sits behind the neck (no tensor tells)
     #[arg(long)]
     pub encoder_after_neck: bool,
+}
+
+/// What to write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum To {
+    /// A weights file for the tracker
+    Weights,
+    /// Parameters for the trainer, nothing folded
+    Trainer,
+    /// A PyTorch state dict
+    Pytorch,
 }
 
 /// Type of the weights in the file.

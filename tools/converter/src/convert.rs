@@ -13,7 +13,10 @@ use std::{
     io::{self, Read},
     path::Path,
 };
-use weights_format::{EncoderPosition, Header, Layer, Provenance, Storage, Tensor, Weights};
+use weights_format::{
+    Architecture, EncoderPosition, Header, InputNormalisation, Layer, Provenance, Storage, Tensor, Unfolded,
+    Weights,
+};
 
 /// What the checkpoint does not say.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,6 +53,17 @@ pub struct Conversion {
     pub unknown: Vec<String>,
 }
 
+/// What became of a checkpoint that was not folded.
+#[derive(Clone, Debug)]
+pub struct Unfolding {
+    /// The network as it is trained, complete and checked.
+    pub unfolded: Unfolded,
+    /// Tensors that only training needs, and whatever lies beside the state dict.
+    pub ignored: Vec<String>,
+    /// Tensors that belong to nothing we know.
+    pub unknown: Vec<String>,
+}
+
 /// Converts the checkpoint at `path`.
 ///
 /// # Errors
@@ -70,13 +84,7 @@ pub fn convert(path: &Path, options: &Options) -> Result<Conversion, Error> {
 /// Says which part of the file, which byte of the pickle or which tensor is wrong, what was expected there and what was
 /// found.
 pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refusal> {
-    let mut checkpoint = Checkpoint::from_bytes(bytes)?;
-    if let Some(name) = checkpoint.names().find(|name| names::role(name) == Role::Gate) {
-        let expected = "a network without dynamic channel weighting (gates)";
-        return Err(Refusal::new(format!("tensor {name:?}"), expected, "a gate"));
-    }
-    let encoder = EncoderNames::find(|name| checkpoint.shape(name).is_some());
-    let architecture = infer(&checkpoint, encoder, options.encoder_relu, options.encoder_position)?;
+    let Opened { mut checkpoint, encoder, architecture } = open(bytes, options)?;
     let mut weights = Weights::new(Header {
         storage: options.storage,
         provenance: Provenance {
@@ -100,6 +108,76 @@ pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refu
     let (ignored, unknown) = rest(&checkpoint, &layers, encoder)?;
     weights.check().map_err(|error| Refusal::new("converted weights", "values that fit f32", error))?;
     Ok(Conversion { weights, ignored, unknown })
+}
+
+/// The checkpoint at `path` as the trainer takes it: values as they are, batch normalisation apart.
+///
+/// # Errors
+/// [`Error::Unreadable`] or [`Error::Refused`], with the path.
+pub fn unfold(path: &Path, options: &Options) -> Result<Unfolding, Error> {
+    let bytes = read(path).map_err(|error| Error::Unreadable { path: path.into(), error })?;
+    let mut unfolding =
+        unfold_bytes(&bytes, options).map_err(|refusal| Error::Refused { path: path.into(), refusal })?;
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    unfolding.unfolded.source = format!("PyTorch checkpoint {}", brief(file));
+    Ok(unfolding)
+}
+
+/// The same from memory.
+///
+/// # Errors
+/// As [`convert_bytes`].
+pub fn unfold_bytes(bytes: &[u8], options: &Options) -> Result<Unfolding, Refusal> {
+    let Opened { mut checkpoint, encoder, architecture } = open(bytes, options)?;
+    let layers = convolutions(&architecture);
+    let mut unfolded = Unfolded {
+        architecture,
+        input: InputNormalisation::default(),
+        source: "PyTorch checkpoint".into(),
+        tensors: Default::default(),
+    };
+    let mut insert = |name: String, shape: Vec<usize>, values: Vec<f64>| {
+        let data = values.into_iter().map(|value| value as f32).collect();
+        unfolded.tensors.insert(name, Tensor { shape, data });
+    };
+    for layer in &layers {
+        let outputs = [layer.out_channels];
+        let shape = [layer.out_channels, layer.in_channels, layer.kernel, layer.kernel];
+        let names = parameters(layer, encoder);
+        let weight = checkpoint.load(&names[0], &shape)?;
+        let ohwi = Convolution { shape, weight, bias: Vec::new() }.weight_ohwi();
+        let ohwi = ohwi.into_iter().map(f64::from).collect();
+        insert(format!("{}.weight", layer.name), layer.weight_shape().to_vec(), ohwi);
+        let ours = ["bias"].into_iter().chain(names::OUR_BATCH_NORM);
+        for (theirs, ours) in names[1..].iter().zip(ours) {
+            let values = checkpoint.load(theirs, &outputs)?;
+            insert(format!("{}.{ours}", layer.name), outputs.to_vec(), values);
+        }
+    }
+    for name in names::SCALARS {
+        insert(name.to_owned(), Vec::new(), checkpoint.load(name, &[])?);
+    }
+    let (ignored, unknown) = rest(&checkpoint, &layers, encoder)?;
+    unfolded.check().map_err(|error| Refusal::new("parameters", "values that can be trained", error))?;
+    Ok(Unfolding { unfolded, ignored, unknown })
+}
+
+/// A checkpoint whose network is known.
+struct Opened<'a> {
+    checkpoint: Checkpoint<'a>,
+    encoder: Option<EncoderNames>,
+    architecture: Architecture,
+}
+
+fn open<'a>(bytes: &'a [u8], options: &Options) -> Result<Opened<'a>, Refusal> {
+    let checkpoint = Checkpoint::from_bytes(bytes)?;
+    if let Some(name) = checkpoint.names().find(|name| names::role(name) == Role::Gate) {
+        let expected = "a network without dynamic channel weighting (gates)";
+        return Err(Refusal::new(format!("tensor {name:?}"), expected, "a gate"));
+    }
+    let encoder = EncoderNames::find(|name| checkpoint.shape(name).is_some());
+    let architecture = infer(&checkpoint, encoder, options.encoder_relu, options.encoder_position)?;
+    Ok(Opened { checkpoint, encoder, architecture })
 }
 
 /// A layer with everything folded in that follows it.
@@ -166,7 +244,7 @@ fn rest(
 }
 
 /// Reads no more than one byte beyond the bound, whatever a file's metadata say about its length.
-fn read(path: &Path) -> io::Result<Vec<u8>> {
+pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(checkpoint::MAX_BYTES + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > checkpoint::MAX_BYTES {

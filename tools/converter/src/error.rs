@@ -1,7 +1,7 @@
 //! What can go wrong, grouped by who is at fault.
 
 use std::{io, path::PathBuf};
-use weights_format::WriteError;
+use weights_format::{ReadError, WriteError};
 
 /// Why a checkpoint was not converted.
 #[derive(Debug, thiserror::Error)]
@@ -22,9 +22,15 @@ pub enum Error {
         /// What is wrong with it.
         refusal: Refusal,
     },
-    /// The operating system would not take the weights file.
+    /// One of our own files is not one, or not whole.
     #[error(transparent)]
-    Unwritable(WriteError),
+    Ours(#[from] ReadError),
+    /// The operating system would not take the file.
+    #[error(transparent)]
+    Unwritable(#[from] WriteError),
+    /// An option makes no sense, alone or with the others.
+    #[error("{0}")]
+    Usage(String),
 }
 
 /// What is wrong with a checkpoint: where, what was expected there, what was found.

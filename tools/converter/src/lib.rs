@@ -1,8 +1,9 @@
-//! PyTorch checkpoint -> weights file.
+//! PyTorch checkpoint -> weights file or the trainer's parameters, and back.
 //!
 //! | file | what is in it |
 //! |---|---|
 //! | `convert` | the story: checkpoint, architecture, folding, weights |
+//! | `pytorch` | the other way: our networks as a state dict |
 //! | `architecture` | the network that a checkpoint's tensors describe |
 //! | `names` | PyTorch's parameter names, and ours |
 //! | `fold` | batch normalisation and the head's scalars, folded into convolutions |
@@ -22,7 +23,9 @@ mod convert;
 mod error;
 pub mod fold;
 mod names;
+mod pytorch;
 pub mod report;
 
-pub use convert::{Conversion, Options, convert, convert_bytes};
+pub use convert::{Conversion, Options, Unfolding, convert, convert_bytes, unfold, unfold_bytes};
 pub use error::{Error, Refusal};
+pub use pytorch::{StateDict, Values};

@@ -1,20 +1,22 @@
-//! `convert`: PyTorch checkpoint -> weights file.
+//! `convert`: PyTorch checkpoint -> weights file or the trainer's parameters, and back.
 
 #![forbid(unsafe_code)]
 
 mod args;
 
-use args::Args;
+use args::{Args, To};
 use clap::Parser;
 use converter::{
-    Conversion, Error, convert,
+    Conversion, Error, StateDict, Unfolding, convert,
     report::{Table, f16_rounding, thousands},
+    unfold,
 };
 use std::{
     io::{self, Write},
+    path::Path,
     process::ExitCode,
 };
-use weights_format::{Storage, WriteError};
+use weights_format::{ReadError, Storage, WriteError};
 
 fn main() -> ExitCode {
     match run(&Args::parse()) {
@@ -28,8 +30,11 @@ fn main() -> ExitCode {
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::from(match error {
+                Error::Usage(_) => 2,
                 Error::Unreadable { .. } => 3,
+                Error::Ours(ReadError::File { error, .. }) if matches!(*error, ReadError::Io(_)) => 3,
                 Error::Refused { .. }
+                | Error::Ours(_)
                 | Error::Unwritable(WriteError::Invalid(_) | WriteError::Overflow { .. }) => 4,
                 Error::Unwritable(WriteError::Io { .. }) => 5,
             })
@@ -39,12 +44,63 @@ fn main() -> ExitCode {
 
 /// What there is to say on standard output.
 fn run(args: &Args) -> Result<String, Error> {
-    let Conversion { weights, ignored, unknown } = convert(&args.checkpoint, &args.options())?;
+    match args.to {
+        To::Weights => to_weights(args),
+        To::Trainer => to_trainer(args),
+        To::Pytorch => to_pytorch(args),
+    }
+}
+
+fn to_trainer(args: &Args) -> Result<String, Error> {
+    let Unfolding { unfolded, ignored, unknown } = unfold(&args.checkpoint, &args.options())?;
+    left_out(&ignored, &unknown);
+    match &args.out {
+        Some(out) if !args.dry_run => {
+            unfolded.write(out)?;
+            let parameters = thousands(unfolded.architecture.parameters() as u64);
+            Ok(format!("{}: {parameters} parameters, nothing folded\n", out.display()))
+        }
+        _ => Ok(Table(&unfolded.architecture).to_string()),
+    }
+}
+
+fn to_pytorch(args: &Args) -> Result<String, Error> {
+    let known = |path: &Path| {
+        path.extension().is_some_and(|e| ["pth", "pt", "safetensors"].iter().any(|known| e == *known))
+    };
+    if let Some(out) = args.out.as_ref().filter(|out| !known(out)) {
+        let expected = "expected a name that ends in .pth, .pt or .safetensors";
+        return Err(Error::Usage(format!("--out: {expected}, found {}", out.display())));
+    }
+    let dict = StateDict::read(&args.checkpoint)?;
+    if dict.folded {
+        eprintln!(
+            "batch normalisation is folded into this file's convolutions: its layers are written as ones that change nothing \
+             (weight 1, bias 0, mean 0, variance 0.99999). Evaluation is the same; before training on, convert a \
+             checkpoint of the trainer instead"
+        );
+    }
+    match &args.out {
+        Some(out) if !args.dry_run => {
+            dict.write(out)?;
+            Ok(format!("{}: {} tensors\n", out.display(), dict.entries.len()))
+        }
+        _ => Ok(dict.entries.iter().map(|(name, shape, _)| format!("{name} {shape:?}\n")).collect()),
+    }
+}
+
+/// Says what is not converted.
+fn left_out(ignored: &[String], unknown: &[String]) {
     for (what, names) in [("ignored", ignored), ("warning: unknown, not converted", unknown)] {
         if !names.is_empty() {
             eprintln!("{what} ({}): {}", names.len(), printable(&names.join(", ")));
         }
     }
+}
+
+fn to_weights(args: &Args) -> Result<String, Error> {
+    let Conversion { weights, ignored, unknown } = convert(&args.checkpoint, &args.options())?;
+    left_out(&ignored, &unknown);
     let header = &weights.header;
     let ratio = header.pruning_ratio.map_or("none of 0.0 to 0.9".into(), |ratio| ratio.to_string());
     let mut text = String::new();

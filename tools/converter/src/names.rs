@@ -93,5 +93,8 @@ pub const CONVOLUTION: [&str; 2] = ["conv.weight", "conv.bias"];
 /// Names of a batch normalisation's parameters behind its prefix: scale, shift, mean, variance.
 pub const BATCH_NORM: [&str; 4] = ["bn.weight", "bn.bias", "bn.running_mean", "bn.running_var"];
 
+/// Ours for the same, behind a layer's name.
+pub const OUR_BATCH_NORM: [&str; 4] = ["bn.scale", "bn.shift", "bn.mean", "bn.variance"];
+
 /// A counter beside them that nothing depends on; old files lack it.
 pub const COUNTER: &str = "bn.num_batches_tracked";
