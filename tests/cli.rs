@@ -277,6 +277,63 @@ fn bench_reports_everything() {
     }
 }
 
+/// Decoding, threads and minutes; the three forms of output; two files compared.
+#[test]
+fn bench_measures_more_on_request_and_compares() {
+    let folder = folder("cli-bench");
+    let small = ["bench", "--frames", "12", "--widths", "P90"];
+    let bench = |more: &[&str]| {
+        let output = run(small.iter().chain(more), b"");
+        assert!(output.status.success(), "{}", stderr(&output));
+        stdout(&output)
+    };
+    let more = ["--decode", "--sweep", "--minutes", "0.005"];
+    let json = bench(&[&more[..], &["--json"]].concat());
+    let object: Value = serde_json::from_str(&json).unwrap();
+    assert!(object["fps_mean_of_rates"].as_f64().unwrap() >= object["fps"].as_f64().unwrap());
+    assert_eq!(object["blocks_ms"].as_array().unwrap().len(), 6); // of two frames each
+    assert!(object["decoding"]["fps"].as_f64().unwrap() < object["fps"].as_f64().unwrap() * 1.5);
+    assert!(object["decoding"]["decode_ms"]["p50"].as_f64().unwrap() > 0.0);
+    assert_eq!(object["sweep"][0]["threads"], 1);
+    assert!(object["endurance"][0]["median_ms"].as_f64().unwrap() > 0.0);
+    let markdown = bench(&[&more[..], &["--markdown"]].concat());
+    for part in
+        ["| machine |", "| threads | 1: ", "| minutes | median", "| decoding |", "| backbone |", "|---|---:|"]
+    {
+        assert!(markdown.contains(part), "{part}: {markdown}");
+    }
+
+    let (before, after, other) = (folder.join("a.json"), folder.join("b.json"), folder.join("c.json"));
+    std::fs::write(&before, &json).unwrap();
+    let mut slow = object.clone();
+    for block in slow["blocks_ms"].as_array_mut().unwrap() {
+        *block = (block.as_f64().unwrap() * 100.0).into();
+    }
+    slow["threads"] = 8.into();
+    std::fs::write(&after, slow.to_string()).unwrap();
+    let compare = |a: &Path, b: &Path, more: &[&str]| {
+        run(["bench", "--compare", text(a), text(b)].iter().chain(more), b"")
+    };
+    let same = stdout(&compare(&before, &before, &[]));
+    assert!(
+        same.contains("no difference beyond the noise: 0.0 %") && !same.contains("not the same"),
+        "{same}"
+    );
+    let slower = stdout(&compare(&before, &after, &[]));
+    assert!(slower.contains("\nslower: ") && slower.contains("threads was 1, is 8"), "{slower}");
+    let verdict: Value = serde_json::from_str(&stdout(&compare(&after, &before, &["--json"]))).unwrap();
+    assert_eq!(
+        (&verdict["verdict"], &verdict["differences"][0]["of"]),
+        (&"faster".into(), &"threads".into())
+    );
+    std::fs::write(&other, "{\"fps\": 3}").unwrap();
+    for (bad, part) in [(&other, "blocks_ms"), (&folder.join("none.json"), "none.json")] {
+        let output = compare(&before, bad, &[]);
+        assert_eq!(output.status.code(), Some(3));
+        assert!(stderr(&output).contains(part), "{}", stderr(&output));
+    }
+}
+
 #[test]
 fn the_worker_speaks_its_protocol() {
     let output =

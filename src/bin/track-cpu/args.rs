@@ -257,9 +257,14 @@ Examples:
   track-cpu bench
   track-cpu bench --threads 2 --json
   track-cpu bench --widths full --encoder 3x3 --isa avx2
+  track-cpu bench --decode --sweep --minutes 5 --markdown
+  track-cpu bench --json > before.json; ...; track-cpu bench --json > after.json
+  track-cpu bench --compare before.json after.json
 
-Frames of a rendered 1280x720 flight are prepared in memory and played back and forth; decoding is not measured. FPS is
-frames divided by total time. GFLOP/s counts two operations per multiply-accumulate of the plain convolutions, over the
+Frames of a rendered 1280x720 flight are prepared in memory and played back and forth; decoding is measured with --decode
+only. FPS is frames divided by total time; the mean of the frames' own rates, which the got10k toolkit quotes, stands
+beside it and is never lower. A comparison takes the medians of ten blocks of each run and calls a difference one if it
+is above two standard deviations of these, and above 1 %. GFLOP/s counts two operations per multiply-accumulate of the plain convolutions, over the
 time of the network's stages.")]
 pub struct BenchArgs {
     /// Weights file; the built-in model if absent.
@@ -274,6 +279,21 @@ pub struct BenchArgs {
     /// Print one JSON object in place of the tables.
     #[arg(long)]
     pub json: bool,
+    /// Print Markdown in place of the tables.
+    #[arg(long, conflicts_with = "json")]
+    pub markdown: bool,
+    /// Measure with reading and decoding of JPEG files as well.
+    #[arg(long)]
+    pub decode: bool,
+    /// Measure with 1, 2, 4 ... threads up to the number of cores as well.
+    #[arg(long)]
+    pub sweep: bool,
+    /// Then go on for that long and say what becomes of the speed: heat, other programs.
+    #[arg(long, value_name = "M", value_parser = minutes)]
+    pub minutes: Option<f64>,
+    /// Measure nothing: say whether two files that --json wrote differ by more than noise.
+    #[arg(long, value_names = ["BEFORE", "AFTER"], num_args = 2, conflicts_with_all = ["markdown", "worker"])]
+    pub compare: Vec<PathBuf>,
     /// Arithmetic of the network.
     #[arg(long, value_enum, default_value_t = Precision::F32)]
     pub precision: Precision,
@@ -282,7 +302,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "NAME", value_parser = algorithm)]
     pub algorithm: Option<Algorithm>,
     /// Time the network alone: for each line N on standard input run N passes, print N times in ms.
-    #[arg(long, conflicts_with = "json")]
+    #[arg(long, conflicts_with_all = ["json", "markdown", "decode", "sweep", "minutes"])]
     pub worker: bool,
     /// How the network is run.
     #[command(flatten)]
@@ -337,6 +357,11 @@ fn trax_version(text: &str) -> Result<u32, String> {
 
 fn threads(text: &str) -> Result<usize, String> {
     number_in(text, 1, 256)
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes = text.parse().ok().filter(|minutes| *minutes > 0.0 && *minutes <= 1440.0);
+    minutes.ok_or_else(|| "expected minutes above 0, at most 1440".into())
 }
 
 fn frames(text: &str) -> Result<usize, String> {

@@ -11,6 +11,14 @@ pub struct Machine {
     pub cores: usize,
     /// Operating system and architecture.
     pub os: String,
+    /// Memory in MiB, where the system tells.
+    pub memory_mib: Option<u64>,
+    /// How the clock is governed, where the system tells: `performance`, `powersave`, ...
+    pub governor: Option<String>,
+    /// Whether this is a virtual machine, as far as its CPU admits it: others may share the cores.
+    pub virtual_machine: bool,
+    /// Programs that ran or waited on average over the last minute, where the system tells: noise.
+    pub load: Option<f64>,
     /// This program's version.
     pub version: &'static str,
 }
@@ -19,7 +27,15 @@ impl Machine {
     /// Asks the system.
     pub fn detect() -> Machine {
         let arch = std::env::consts::ARCH;
+        let read = |path: &str| std::fs::read_to_string(path).ok();
+        let memory = read("/proc/meminfo").and_then(|text| kibibytes(&text, "MemTotal"));
+        let governor = read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");
+        let flags = read("/proc/cpuinfo").and_then(|text| field(&text, "flags").map(str::to_string));
         Machine {
+            memory_mib: memory.map(|kibibytes| kibibytes / 1024),
+            governor: governor.map(|text| text.trim().to_string()),
+            virtual_machine: flags.is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
+            load: read("/proc/loadavg").and_then(|text| text.split(' ').next()?.parse().ok()),
             cpu: cpu_model().unwrap_or_else(|| arch.into()),
             cores: std::thread::available_parallelism().map_or(1, |n| n.get()),
             os: format!("{} {arch}", std::env::consts::OS),
@@ -29,14 +45,37 @@ impl Machine {
 
     /// The same as a JSON object.
     pub fn json(&self) -> Value {
-        json!({ "cpu": self.cpu, "cores": self.cores, "os": self.os, "version": self.version })
+        json!({
+            "cpu": self.cpu,
+            "cores": self.cores,
+            "os": self.os,
+            "memory_mib": self.memory_mib,
+            "governor": self.governor,
+            "virtual_machine": self.virtual_machine,
+            "load": self.load,
+            "version": self.version,
+        })
     }
 }
 
 impl std::fmt::Display for Machine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Machine { cpu, cores, os, version } = self;
-        write!(f, "{cpu}, {cores} cores, {os}, track-cpu {version}")
+        let Machine { cpu, cores, os, memory_mib, governor, virtual_machine, load, version } = self;
+        write!(f, "{cpu}, {cores} cores")?;
+        if *virtual_machine {
+            write!(f, " of a virtual machine")?;
+        }
+        if let Some(mib) = memory_mib {
+            write!(f, ", {:.0} GiB", *mib as f64 / 1024.0)?;
+        }
+        write!(f, ", {os}")?;
+        if let Some(governor) = governor {
+            write!(f, ", governor {governor}")?;
+        }
+        if let Some(load) = load {
+            write!(f, ", load {load:.1}")?;
+        }
+        write!(f, ", track-cpu {version}")
     }
 }
 
@@ -49,8 +88,12 @@ fn cpu_model() -> Option<String> {
 /// Most memory this process has held so far, in bytes; known on Linux only.
 pub fn peak_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
-    let kibibytes: u64 = field(&text, "VmHWM")?.split_ascii_whitespace().next()?.parse().ok()?;
-    Some(kibibytes * 1024)
+    Some(kibibytes(&text, "VmHWM")? * 1024)
+}
+
+/// The number of a line `key: 1234 kB`.
+fn kibibytes(text: &str, key: &str) -> Option<u64> {
+    field(text, key)?.split_ascii_whitespace().next()?.parse().ok()
 }
 
 /// The value of the first `key : value` line.
@@ -68,6 +111,7 @@ mod tests {
         assert_eq!(field(text, "model name"), Some("A CPU: fast"));
         assert_eq!(field(text, "VmHWM"), Some("1234 kB"));
         assert_eq!(field(text, "missing"), None);
+        assert_eq!((kibibytes(text, "VmHWM"), kibibytes(text, "model name")), (Some(1234), None));
     }
 
     #[cfg(target_os = "linux")]

@@ -1,0 +1,57 @@
+//! `bench`: speed of the whole tracker on frames that lie ready, and the comparison of two such measurements.
+
+mod clip;
+mod compare;
+mod measure;
+mod report;
+
+use track_cpu::{Model, ModelError};
+use weights_format::Weights;
+
+use crate::args::{BenchArgs, Precision};
+use crate::exit::Failure;
+use crate::report::{print, progress};
+use clip::Clip;
+use report::Report;
+
+/// Runs the sub-command.
+pub fn run(args: &BenchArgs) -> Result<(), Failure> {
+    if let [before, after] = &args.compare[..] {
+        return compare::run(before, after, args.json);
+    }
+    let Precision::F32 = args.precision;
+    let model = model(args)?;
+    let clip = Clip::render();
+    let threads = if args.sweep { sweep() } else { Vec::new() };
+    let bar = progress(Some(measure::steps(args, &threads)));
+    let measured = measure::measure(args, &model, &clip, &threads, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let report = Report { args, model: &model, measured };
+    match (args.json, args.markdown) {
+        (true, _) => print(&report.json().to_string()),
+        (_, true) => print(&report.markdown()),
+        _ => print(&report.text()),
+    }
+}
+
+/// The model that the arguments ask for.
+pub fn model(args: &BenchArgs) -> Result<Model, Failure> {
+    let weights = match (args.random.weights()?, &args.model) {
+        (Some(weights), _) => weights,
+        (None, Some(path)) => Weights::read(path).map_err(ModelError::from)?,
+        (None, None) => Model::builtin_weights(),
+    };
+    Ok(match args.algorithm {
+        Some(algorithm) => Model::with_algorithm(&weights, args.engine.isa(), algorithm)?,
+        None => Model::from_weights(&weights, args.engine.isa())?,
+    })
+}
+
+/// 1, 2, 4 ... threads, and as many as there are cores.
+fn sweep() -> Vec<usize> {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(256);
+    let mut threads: Vec<usize> =
+        std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < cores).collect();
+    threads.push(cores);
+    threads
+}
