@@ -153,6 +153,100 @@ fn what_makes_no_sense_is_refused() {
 }
 
 #[test]
+fn pruned_networks_train_on_and_are_compared() {
+    let folder = Folder::new("prune");
+    let (data, run, pruned) = (folder.at("boxes.csv"), folder.at("run"), folder.at("pruned.safetensors"));
+    succeed(
+        &train(&["fit", "--data", &data, "--out", &run, "--steps", "2"])
+            .args(&TINY[..2])
+            .args(&TINY[4..])
+            .output()
+            .unwrap(),
+    );
+    let last = Path::new(&run).join("final.safetensors").display().to_string();
+    let weights = Path::new(&run).join("weights.safetensors").display().to_string();
+
+    // Of a checkpoint with its own data, and of a weights file with data that are named.
+    let prune = |args: &[&str]| {
+        let output = train(&["prune", "--out", &pruned, "--ratio", "0.95", "--pairs", "2"])
+            .args(args)
+            .output()
+            .unwrap();
+        succeed(&output);
+        text(&output.stdout)
+    };
+    let table = prune(&[&last, "--layer-ratio", "head.cls2=0.92"]);
+    let cells = |layer: &str| -> Vec<String> {
+        let line =
+            table.lines().find(|line| line.starts_with(layer)).unwrap_or_else(|| panic!("{layer}: {table}"));
+        line.split_whitespace().map(String::from).collect()
+    };
+    assert_eq!(cells("backbone.conv1")[..3], ["backbone.conv1", "4", "9"]);
+    assert_eq!(cells("head.cls2")[..3], ["head.cls2", "20", "25"]);
+    assert_eq!(cells("dr.e1.0")[..3], ["dr.e1.0", "12", "25"]);
+    assert!(
+        cells("backbone.conv1")[3].parse::<f64>().unwrap() >= cells("backbone.conv1")[4].parse().unwrap()
+    );
+    prune(&[&weights, "--data", &data]);
+
+    let next = folder.at("next");
+    let fit = train(&["fit", "--data", &data, "--out", &next, "--init", &pruned, "--steps", "2"])
+        .args(&TINY[4..])
+        .output()
+        .unwrap();
+    succeed(&fit);
+    assert!(!text(&fit.stderr).contains("begun anew"), "{}", text(&fit.stderr));
+    let found = Weights::read(&Path::new(&next).join("weights.safetensors")).unwrap();
+    assert_eq!(found.header.architecture.widths.backbone, [4, 12, 19, 19, 12]);
+    let before = &found.header.provenance.notes["before"];
+    assert!(before.contains("weights drmim") && before.contains("pruned by rank over 2 pairs"), "{before}");
+
+    let study = folder.at("sweep");
+    let sweep = || {
+        let output =
+            train(&["sweep", "--data", &data, "--out", &study, "--init", &last, "--ratios", "0.9,0.95"])
+                .args([
+                    "--rank-pairs",
+                    "2",
+                    "--validate-flights",
+                    "1",
+                    "--validate-frames",
+                    "3",
+                    "--pairs",
+                    "4",
+                ])
+                .args(&TINY[4..])
+                .output()
+                .unwrap();
+        succeed(&output);
+        text(&output.stdout)
+    };
+    let first = sweep();
+    assert!(first.starts_with("| ratio | parameters |") && first.lines().count() == 4, "{first}");
+    assert_eq!(sweep(), first, "the second time, all is there");
+
+    for (args, code, message) in [
+        (
+            &["prune", &last, "--out", &pruned, "--ratio", "0.5"][..],
+            2,
+            "1 to 9 filters in backbone.conv1, found 48",
+        ),
+        (&["prune", &last, "--out", &pruned, "--layer-ratio", "conv1=0.5"], 2, "backbone.conv1, "),
+        (&["prune", &last, "--out", &pruned, "--ratio", "1"], 2, "--ratio"),
+        (&["prune", &weights, "--out", &pruned, "--ratio", "0.9"], 2, "at least one source"),
+        (&["prune", &data, "--out", &pruned], 4, "convert --to trainer"),
+        (&["ablate", "--data", &data, "--out", &study, "--minutes", "1"], 2, "--pairs"),
+        (&["ablate", "--data", &data, "--out", &study, "--pairs", "4"], 2, "--validate"),
+        (&["sweep", "--data", &data, "--out", &study, "--init", &last, "--ratios", "a"], 2, "--ratios"),
+    ] {
+        let output = train(args).output().unwrap();
+        let stderr = text(&output.stderr);
+        assert!(stderr.contains(message), "{args:?} says {stderr:?}, expected {message:?}");
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
+    }
+}
+
+#[test]
 fn sheets_show_pairs() {
     let folder = Folder::new("show");
     let (data, out) = (folder.at("boxes.csv"), folder.at("sheets"));
