@@ -78,6 +78,12 @@ pub enum ModelError {
     /// The network of this file cannot run.
     #[error(transparent)]
     Architecture(#[from] weights_format::ArchitectureError),
+    /// Precision `int8` of weights that nobody calibrated for it.
+    #[error("model '{name}' has no calibration, which precision int8 needs: make one with `train quantize`")]
+    NoCalibration {
+        /// Name in the weights file.
+        name: String,
+    },
 }
 
 /// Why frames could not be read.

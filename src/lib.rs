@@ -44,6 +44,6 @@ pub use error::{FrameError, ModelError, TrackError};
 pub use flight::{FlightOptions, FlightTrack, FlightTracker, State};
 pub use frame::{ChannelOrder, Frame};
 pub use kernels::Isa;
-pub use model::Model;
+pub use model::{Model, Precision};
 pub use stages::Stages;
 pub use tracker::{Track, Tracker, TrackerOptions};

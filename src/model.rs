@@ -7,6 +7,7 @@ use crate::net::dr::Dr;
 use crate::net::head::Head;
 use crate::net::neck::Neck;
 use kernels::conv::{Algorithm, Conv, ConvShape};
+use kernels::quant::Quantization;
 use kernels::{Isa, Size};
 use std::path::Path;
 use std::sync::Arc;
@@ -22,8 +23,33 @@ pub struct Model {
 struct Inner {
     header: Header,
     isa: Isa,
+    precision: Precision,
     layers: Layers,
     plan: Vec<LayerPlan>,
+}
+
+/// What convolutions compute in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Single precision throughout.
+    F32,
+    /// Bytes where the weights file's calibration allows it, sums exact; single precision elsewhere.
+    Int8,
+}
+
+impl Precision {
+    /// The faster one at equal accuracy: bytes if the weights are calibrated and `isa` has instructions for them.
+    pub fn best(weights: &Weights, isa: Isa) -> Precision {
+        if weights.header.calibration.is_some() && isa.has_dot() { Precision::Int8 } else { Precision::F32 }
+    }
+
+    /// Its name in reports and options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Precision::F32 => "f32",
+            Precision::Int8 => "int8",
+        }
+    }
 }
 
 /// The network's convolutions, ready to run.
@@ -75,27 +101,45 @@ impl Model {
         Model::from_weights(&Weights::from_bytes(bytes)?, isa)
     }
 
-    /// Lays out weights for `isa`, each layer for the algorithm that is expected to be fastest.
+    /// Lays out weights for `isa` in the [best](Precision::best) precision, each layer for the algorithm that is expected
+    /// to be fastest.
     ///
     /// # Errors
     /// If the weights do not fit their own architecture.
     pub fn from_weights(weights: &Weights, isa: Isa) -> Result<Model, ModelError> {
-        Model::build(weights, isa, None)
+        Model::with_precision(weights, isa, Precision::best(weights, isa))
     }
 
-    /// Lays out weights for `isa`, every layer that it can compute for one algorithm.
+    /// Lays out weights for `isa` in `precision`.
+    ///
+    /// # Errors
+    /// If the weights do not fit their own architecture, or bytes are asked of weights without calibration.
+    pub fn with_precision(weights: &Weights, isa: Isa, precision: Precision) -> Result<Model, ModelError> {
+        if precision == Precision::Int8 && weights.header.calibration.is_none() {
+            return Err(ModelError::NoCalibration { name: weights.header.provenance.name.clone() });
+        }
+        Model::build(weights, isa, precision, None)
+    }
+
+    /// Lays out weights for `isa` in `f32`, every layer that it can compute for one algorithm.
     ///
     /// # Errors
     /// If the weights do not fit their own architecture.
     pub fn with_algorithm(weights: &Weights, isa: Isa, algorithm: Algorithm) -> Result<Model, ModelError> {
-        Model::build(weights, isa, Some(algorithm))
+        Model::build(weights, isa, Precision::F32, Some(algorithm))
     }
 
-    fn build(weights: &Weights, isa: Isa, algorithm: Option<Algorithm>) -> Result<Model, ModelError> {
+    fn build(
+        weights: &Weights,
+        isa: Isa,
+        precision: Precision,
+        algorithm: Option<Algorithm>,
+    ) -> Result<Model, ModelError> {
         weights.check()?;
-        let builder = Builder { weights, isa, algorithm, specs: weights.header.architecture.layers() };
+        let header = weights.header.clone();
+        let builder = Builder { weights, isa, precision, algorithm, specs: header.architecture.layers() };
         let (layers, plan) = (builder.layers(), builder.plan());
-        Ok(Model { inner: Arc::new(Inner { header: weights.header.clone(), isa, layers, plan }) })
+        Ok(Model { inner: Arc::new(Inner { header, isa, precision, layers, plan }) })
     }
 
     /// What the weights file says about itself.
@@ -111,6 +155,11 @@ impl Model {
     /// The instruction set the weights are laid out for.
     pub fn isa(&self) -> Isa {
         self.inner.isa
+    }
+
+    /// What its convolutions compute in.
+    pub fn precision(&self) -> Precision {
+        self.inner.precision
     }
 
     /// The tracker's hyper-parameters that this model was made for.
@@ -132,6 +181,7 @@ impl Model {
 struct Builder<'a> {
     weights: &'a Weights,
     isa: Isa,
+    precision: Precision,
     algorithm: Option<Algorithm>, // `None`: the best for each layer
     specs: Vec<Layer>,
 }
@@ -194,11 +244,26 @@ impl Builder<'_> {
 
     /// The algorithm of a convolution, chosen for the larger of the maps it works on.
     fn algorithm(&self, layer: &Layer) -> Algorithm {
+        if let Some(quantization) = self.quantization(layer) {
+            return Algorithm::Int8(quantization);
+        }
         let shape = conv_shape(layer);
         let out = layer.out_search.max(layer.out_template);
         let side = (out - 1) * shape.stride + shape.kernel - 2 * shape.pad;
         let asked = self.algorithm.unwrap_or_else(|| Algorithm::plan(&shape, Size::square(side)));
         asked.supported(&shape)
+    }
+
+    /// How a convolution's input becomes bytes, if it is to.
+    fn quantization(&self, layer: &Layer) -> Option<Quantization> {
+        let calibration = self.weights.header.calibration.as_ref()?;
+        match (self.precision, layer.name.as_str()) {
+            (Precision::F32, _) => None,
+            (Precision::Int8, "backbone.conv1") => Some(Quantization::PIXELS),
+            (Precision::Int8, name) => {
+                calibration.inputs.get(name).map(|range| Quantization::of_range(range.low, range.high))
+            }
+        }
     }
 
     fn plan(&self) -> Vec<LayerPlan> {

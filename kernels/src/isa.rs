@@ -1,8 +1,8 @@
 //! Which instruction set a kernel runs on: detection, and the one dispatch table.
 
 #[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
-use crate::simd::{Kernel, Portable};
+use crate::simd::{Avx2, Avx2Vnni, Avx512, Avx512Vnni};
+use crate::simd::{Dot, DotKernel, Kernel, Portable, Simd};
 
 /// An instruction set that this machine has.
 ///
@@ -14,9 +14,15 @@ pub enum Isa {
     /// AVX2 with FMA: 8 lanes, 16 registers.
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
+    /// The same with dot products of bytes (AVX-VNNI).
+    #[cfg(target_arch = "x86_64")]
+    Avx2Vnni(Avx2Vnni),
     /// AVX-512 F/BW/DQ/VL: 16 lanes, 32 registers.
     #[cfg(target_arch = "x86_64")]
     Avx512(Avx512),
+    /// The same with dot products of bytes (AVX-512 VNNI).
+    #[cfg(target_arch = "x86_64")]
+    Avx512Vnni(Avx512Vnni),
 }
 
 /// A name that is no instruction set of this machine.
@@ -47,7 +53,11 @@ impl Isa {
             #[cfg(target_arch = "x86_64")]
             Avx2::detect().map(Isa::Avx2),
             #[cfg(target_arch = "x86_64")]
+            Avx2Vnni::detect().map(Isa::Avx2Vnni),
+            #[cfg(target_arch = "x86_64")]
             Avx512::detect().map(Isa::Avx512),
+            #[cfg(target_arch = "x86_64")]
+            Avx512Vnni::detect().map(Isa::Avx512Vnni),
         ];
         all.into_iter().flatten().collect()
     }
@@ -57,7 +67,7 @@ impl Isa {
         *Isa::available().last().expect("the portable set is always there")
     }
 
-    /// The instruction set called `name` (`portable`, `avx2`, `avx512`).
+    /// The instruction set called `name`, as [`name`](Self::name) gives it.
     ///
     /// # Errors
     /// If there is no such set on this machine; the message lists those there are.
@@ -73,7 +83,11 @@ impl Isa {
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(_) => "avx2",
             #[cfg(target_arch = "x86_64")]
+            Isa::Avx2Vnni(_) => "avx2-vnni",
+            #[cfg(target_arch = "x86_64")]
             Isa::Avx512(_) => "avx512",
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512Vnni(_) => "avx512-vnni",
         }
     }
 
@@ -85,19 +99,55 @@ impl Isa {
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(simd) => simd.enter(kernel),
             #[cfg(target_arch = "x86_64")]
+            Isa::Avx2Vnni(dot) => dot.base().enter(kernel),
+            #[cfg(target_arch = "x86_64")]
             Isa::Avx512(simd) => simd.enter(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512Vnni(dot) => dot.base().enter(kernel),
         }
     }
 
-    /// `f32` lanes of one vector; packed weights are padded to a multiple of it.
+    /// Runs a kernel on bytes compiled for this instruction set.
+    #[inline]
+    pub fn run_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        match self {
+            Isa::Portable(dot) => kernel.run(dot),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2(dot) => dot.enter_dot(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2Vnni(dot) => dot.enter_dot(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512(dot) => dot.enter_dot(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512Vnni(dot) => dot.enter_dot(kernel),
+        }
+    }
+
+    /// Whether it has an instruction for dot products of bytes, which makes them several times faster than those of `f32`.
+    pub fn has_dot(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2Vnni(_) | Isa::Avx512Vnni(_) => true,
+            _ => false,
+        }
+    }
+
+    /// Lanes of one vector of `f32` or of sums; packed weights are padded to a multiple of it.
     pub fn lanes(self) -> usize {
         struct Lanes;
         impl Kernel for Lanes {
             type Output = usize;
-            fn run<S: crate::simd::Simd>(self, _: S) -> usize {
+            fn run<S: Simd>(self, _: S) -> usize {
                 S::LANES
             }
         }
+        impl DotKernel for Lanes {
+            type Output = usize;
+            fn run<D: Dot>(self, _: D) -> usize {
+                D::Float::LANES
+            }
+        }
+        debug_assert_eq!(self.run(Lanes), self.run_dot(Lanes));
         self.run(Lanes)
     }
 }

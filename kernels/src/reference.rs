@@ -2,6 +2,7 @@
 
 use crate::Size;
 use crate::conv::ConvShape;
+use crate::quant::Quantization;
 
 /// `[m, k] x [k, n] -> [m, n]`.
 pub fn gemm(m: usize, n: usize, k: usize, a: &[f32], b: &[f32]) -> Vec<f64> {
@@ -45,6 +46,13 @@ pub fn conv(shape: &ConvShape, size: Size, input: &[f32], weights: &[f32], bias:
         }
     }
     y
+}
+
+/// `x / scale + zero_point`, held in 0..=255; not rounded.
+pub fn quantize(quantization: Quantization, values: &[f32]) -> Vec<f64> {
+    let scale = f64::from(quantization.scale);
+    let zero = f64::from(quantization.zero_point);
+    values.iter().map(|v| (f64::from(*v) / scale + zero).clamp(0.0, 255.0)).collect()
 }
 
 /// 3x3 maximum, stride 2, ceil mode: `[H, W, C] -> [H', W', C]`.

@@ -16,6 +16,8 @@ use crate::model::Model;
 use crate::scratch::{Map, Scratch};
 use crate::stages::{Lap, Stages};
 use kernels::par::Threads;
+use std::collections::HashMap;
+use weights_format::{Architecture, EncoderPosition};
 
 /// The template's neck features, computed once per target and correlated with every search region.
 #[derive(Clone, Debug, Default)]
@@ -84,6 +86,18 @@ impl Network {
         &self.outputs
     }
 
+    /// The input of every convolution that may run on bytes, as the last pass left it, by the convolution's name: what a
+    /// calibration measures. The outputs of the head stay in `f32` and are not among them.
+    pub fn inputs(&self) -> Vec<(String, &Map)> {
+        let architecture = self.model.architecture();
+        let maps: HashMap<_, _> = self.maps().collect();
+        let layers = architecture.layers().into_iter().map(|layer| layer.name);
+        layers
+            .filter_map(|name| input_map(architecture, &name).map(|input| (name, maps[input])))
+            .filter(|(_, map)| !map.values().is_empty())
+            .collect()
+    }
+
     /// Computes and keeps the features of a template crop (`[size, size, 3]`, BGR).
     ///
     /// Panics if the crop has not the model's size.
@@ -142,5 +156,28 @@ impl Network {
             stages.head = lap.lap();
         });
         &self.outputs
+    }
+}
+
+/// Which map the convolution `name` reads.
+fn input_map(architecture: &Architecture, name: &str) -> Option<&'static str> {
+    let before_neck = architecture.encoder.filter(|e| e.position == EncoderPosition::BeforeNeck);
+    match name {
+        "backbone.conv2" => Some("backbone.pool1"),
+        "backbone.conv3" => Some("backbone.pool2"),
+        "backbone.conv4" => Some("backbone.conv3"),
+        "backbone.conv5" => Some("backbone.conv4"),
+        "dr.e2.0" | "dr.e2_template.0" | "dr.e2_search.0" => before_neck.map(|_| "backbone.conv5"),
+        "dr.e2.1" | "dr.e2_template.1" | "dr.e2_search.1" => before_neck.map(|_| "dr.e2.0"),
+        "neck.template_cls" | "neck.template_reg" | "neck.search_cls" | "neck.search_reg" => {
+            Some(before_neck.map_or("backbone.conv5", |e| if e.layers == 2 { "dr.e2.1" } else { "dr.e2.0" }))
+        }
+        "head.cls1" => Some("correlation.cls"),
+        "head.cls2" => Some("head.cls1"),
+        "head.cls3" => Some("head.cls2"),
+        "head.reg1" => Some("correlation.reg"),
+        "head.reg2" => Some("head.reg1"),
+        "head.reg3" => Some("head.reg2"),
+        _ => None,
     }
 }

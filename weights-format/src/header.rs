@@ -1,6 +1,7 @@
 //! Everything a weights file says beside its tensors, and the bounds within which it is believed.
 
-use crate::{architecture::Architecture, error::ReadError};
+use crate::architecture::{Architecture, LayerKind};
+use crate::error::ReadError;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use std::{collections::BTreeMap, ops::RangeInclusive};
@@ -21,12 +22,14 @@ pub struct Header {
     pub tracker: TrackerParams,
     /// Type of the weights in the file.
     pub storage: Storage,
+    /// What convolutions in `int8` need to know; `None` if nobody measured it.
+    pub calibration: Option<Calibration>,
     /// Where the weights come from.
     pub provenance: Provenance,
 }
 
 impl Header {
-    /// A header with the pruning ratio of the widths, default input and tracker, f32 storage and empty provenance.
+    /// A header with the pruning ratio of the widths, default input and tracker, f32 storage, no calibration and empty provenance.
     pub fn new(architecture: Architecture) -> Header {
         Header {
             architecture,
@@ -34,6 +37,7 @@ impl Header {
             input: InputNormalisation::default(),
             tracker: TrackerParams::default(),
             storage: Storage::F32,
+            calibration: None,
             provenance: Provenance::default(),
         }
     }
@@ -148,6 +152,27 @@ pub enum Storage {
     F16,
 }
 
+/// The ranges of activations, measured on pictures: what turns them into bytes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// How the ranges were chosen, and on what, in words for people.
+    pub method: String,
+    /// By convolution: the range of its input that 256 steps are spread over. Convolutions that are not listed stay in `f32`;
+    /// `backbone.conv1`, whose input is pixels, needs no range.
+    pub inputs: BTreeMap<String, Range>,
+}
+
+/// A range that contains 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    /// Its lower end, at most 0.
+    pub low: f32,
+    /// Its upper end, at least 0 and above the lower one.
+    pub high: f32,
+}
+
 /// Where weights come from, in words for people.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -169,10 +194,12 @@ struct Written<'a> {
     input: &'a InputNormalisation,
     tracker: &'a TrackerParams,
     storage: Storage,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    calibration: Option<&'a Calibration>,
     provenance: &'a Provenance,
 }
 
-/// The metadata object as it is found: every field is there, none is looked into yet.
+/// The metadata object as it is found: every required field is there, none is looked into yet.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Found<'a> {
@@ -188,6 +215,8 @@ struct Found<'a> {
     tracker: &'a RawValue,
     #[serde(borrow)]
     storage: &'a RawValue,
+    #[serde(borrow, default)]
+    calibration: Option<&'a RawValue>,
     #[serde(borrow)]
     provenance: &'a RawValue,
 }
@@ -208,6 +237,7 @@ impl Header {
             input: &self.input,
             tracker: &self.tracker,
             storage: self.storage,
+            calibration: self.calibration.as_ref(),
             provenance: &self.provenance,
         };
         serde_json::to_string(&written).expect("structs of numbers and strings always serialize")
@@ -226,6 +256,10 @@ impl Header {
             input: parse("input", "an input normalisation", found.input.get())?,
             tracker: parse("tracker", "tracker parameters", found.tracker.get())?,
             storage: parse("storage", "\"f32\" or \"f16\"", found.storage.get())?,
+            calibration: found
+                .calibration
+                .map(|found| parse("calibration", "a calibration", found.get()))
+                .transpose()?,
             provenance: parse("provenance", "a provenance", found.provenance.get())?,
         };
         header.check()?;
@@ -248,6 +282,9 @@ impl Header {
         within("tracker.window_influence", tracker.window_influence, 0.0..=1.0)?;
         within("tracker.penalty_k", tracker.penalty_k, 0.0..=10.0)?;
         within("tracker.min_size", f64::from(tracker.min_size), 1.0..=1e4)?;
+        if let Some(calibration) = &self.calibration {
+            self.check_calibration(calibration)?;
+        }
         let Provenance { name, source, notes } = &self.provenance;
         let keys = notes.keys();
         for text in [name, source].into_iter().chain(keys) {
@@ -259,6 +296,19 @@ impl Header {
             })?;
         }
         Ok(())
+    }
+
+    fn check_calibration(&self, calibration: &Calibration) -> Result<(), ReadError> {
+        let layers = self.architecture.layers();
+        for (name, range) in &calibration.inputs {
+            if !layers.iter().any(|layer| layer.kind == LayerKind::Conv && layer.name == *name) {
+                return Err(ReadError::metadata("calibration.inputs", "a convolution of the network", name));
+            }
+            within(&format!("calibration.inputs.{name}.low"), f64::from(range.low), -1e6..=0.0)?;
+            within(&format!("calibration.inputs.{name}.high"), f64::from(range.high), 0.0..=1e6)?;
+            within(&format!("calibration.inputs.{name}"), f64::from(range.high - range.low), 1e-6..=2e6)?;
+        }
+        printable(&calibration.method, "text without control characters", |c| !c.is_control())
     }
 }
 

@@ -34,6 +34,8 @@ pub use architecture::{
 };
 pub use container::{MAX_FILE_BYTES, MAX_HEADER_BYTES};
 pub use error::{ReadError, WriteError};
-pub use header::{ChannelOrder, Header, InputNormalisation, Provenance, Storage, TrackerParams};
+pub use header::{
+    Calibration, ChannelOrder, Header, InputNormalisation, Provenance, Range, Storage, TrackerParams,
+};
 pub use unfolded::Unfolded;
 pub use weights::{Tensor, Weights};

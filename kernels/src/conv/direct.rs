@@ -89,7 +89,7 @@ impl Kernel for Direct<'_> {
                 let mut x = 0;
                 for i in 0..tiles {
                     let pixels = width / tiles + usize::from(i < width % tiles);
-                    let args = Tile {
+                    let tile = Tile {
                         input: &input[(top + x * shape.stride) * shape.in_channels..],
                         pixel_step: shape.stride * shape.in_channels,
                         row_step: size.w * shape.in_channels,
@@ -101,7 +101,7 @@ impl Kernel for Direct<'_> {
                         out: &mut row[x * channels + first..],
                         out_step: channels,
                     };
-                    args.dispatch(simd, pixels, vectors);
+                    super::for_tile!(pixels, vectors, tile.run, S, simd);
                     x += pixels;
                 }
             }
@@ -125,27 +125,9 @@ pub(super) struct Tile<'a> {
 }
 
 impl Tile<'_> {
-    /// Calls [`run`](Self::run) with the tile's sizes as constants.
-    #[inline(always)]
-    pub(super) fn dispatch<S: Simd>(self, simd: S, pixels: usize, vectors: usize) {
-        macro_rules! table {
-            ($($vectors:literal: $($pixels:literal)*;)*) => {
-                match (vectors, pixels) {
-                    $($(($vectors, $pixels) => self.run::<S, $pixels, $vectors>(simd),)*)*
-                    _ => unreachable!("tile of {pixels} pixels x {vectors} vectors"),
-                }
-            };
-        }
-        table! {
-            1: 1 2 3 4 5 6 7 8 9;
-            2: 1 2 3 4 5 6 7 8 9;
-            3: 1 2 3 4 5 6 7 8 9;
-        }
-    }
-
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
-    fn run<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
+    pub(super) fn run<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
         if PIXELS > S::TILE_PIXELS[VECTORS] {
             unreachable!("more than the registers hold");
         }

@@ -6,13 +6,33 @@
 //!
 //! In HWC one row of the kernel's window is `k * Cin` *contiguous* floats, so a convolution is `k` matrix products with
 //! overlapping rows, and no patch has to be gathered. `direct.rs` works on them in place; `winograd.rs` does with fewer
-//! multiplications where the stride is 1; `im2col.rs` copies them into one matrix for a general matrix product.
+//! multiplications where the stride is 1; `im2col.rs` copies them into one matrix for a general matrix product; `int8.rs`
+//! works on bytes.
+
+/// Calls `$tile.$run` with a tile's sizes as constants.
+macro_rules! for_tile {
+    ($pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr) => {
+        for_tile!(@table $pixels, $vectors, $tile.$run, $set, $token;
+            (1 1) (2 1) (3 1) (4 1) (5 1) (6 1) (7 1) (8 1) (9 1)
+            (1 2) (2 2) (3 2) (4 2) (5 2) (6 2) (7 2) (8 2) (9 2)
+            (1 3) (2 3) (3 3) (4 3) (5 3) (6 3) (7 3) (8 3) (9 3))
+    };
+    (@table $pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr; $(($p:literal $v:literal))*) => {
+        match ($pixels, $vectors) {
+            $(($p, $v) => $tile.$run::<$set, $p, $v>($token),)*
+            (pixels, vectors) => unreachable!("tile of {pixels} pixels x {vectors} vectors"),
+        }
+    };
+}
+use for_tile;
 
 mod direct;
 mod im2col;
+mod int8;
 mod winograd;
 
 use crate::par::Threads;
+use crate::quant::{Quantization, Rows, quantize};
 use crate::{Isa, Size};
 
 /// What a convolution computes.
@@ -73,17 +93,19 @@ pub enum Algorithm {
     Winograd6,
     /// The same over tiles of 8 x 8 inputs.
     Winograd8,
+    /// Register tiles over bytes: inputs quantized as given, weights to `i8`; an approximation.
+    Int8(Quantization),
 }
 
 impl Algorithm {
-    /// All of them.
+    /// All that compute in `f32`.
     pub const ALL: [Algorithm; 4] =
         [Algorithm::Direct, Algorithm::Im2col, Algorithm::Winograd6, Algorithm::Winograd8];
 
     /// This algorithm where it can compute `shape`, else `Direct`.
     pub fn supported(self, shape: &ConvShape) -> Algorithm {
         let fits = match self {
-            Algorithm::Direct | Algorithm::Im2col => true,
+            Algorithm::Direct | Algorithm::Im2col | Algorithm::Int8(_) => true,
             Algorithm::Winograd6 => winograd::fits(shape, 6),
             Algorithm::Winograd8 => winograd::fits(shape, 8),
         };
@@ -109,14 +131,14 @@ impl Algorithm {
         let cost = |algorithm: Algorithm| match algorithm {
             Algorithm::Winograd6 => winograd(6),
             Algorithm::Winograd8 => winograd(8),
-            Algorithm::Direct | Algorithm::Im2col => shape.macs(size),
+            Algorithm::Direct | Algorithm::Im2col | Algorithm::Int8(_) => shape.macs(size),
         };
         let candidates = [Algorithm::Direct, Algorithm::Winograd6, Algorithm::Winograd8];
         let fitting = candidates.into_iter().filter(|a| a.supported(shape) == *a);
         fitting.min_by_key(|a| cost(*a)).expect("direct always fits")
     }
 
-    /// The algorithm called `name`, as [`name`](Self::name) gives it.
+    /// The algorithm in `f32` called `name`, as [`name`](Self::name) gives it.
     pub fn from_name(name: &str) -> Option<Algorithm> {
         Algorithm::ALL.into_iter().find(|algorithm| algorithm.name() == name)
     }
@@ -128,6 +150,7 @@ impl Algorithm {
             Algorithm::Im2col => "im2col",
             Algorithm::Winograd6 => "winograd6",
             Algorithm::Winograd8 => "winograd8",
+            Algorithm::Int8(_) => "int8",
         }
     }
 }
@@ -146,6 +169,7 @@ enum Packed {
     Direct(direct::Weights),
     Im2col(im2col::Weights),
     Winograd(winograd::Weights),
+    Int8(int8::Weights),
 }
 
 impl Conv {
@@ -161,6 +185,7 @@ impl Conv {
             Algorithm::Im2col => Packed::Im2col(im2col::Weights::new(&shape, weights)),
             Algorithm::Winograd6 => Packed::Winograd(winograd::Weights::new(isa, &shape, 6, weights)),
             Algorithm::Winograd8 => Packed::Winograd(winograd::Weights::new(isa, &shape, 8, weights)),
+            Algorithm::Int8(input) => Packed::Int8(int8::Weights::new(isa, &shape, weights, input)),
         };
         Conv { shape, isa, bias: bias.to_vec(), weights }
     }
@@ -177,16 +202,25 @@ impl Conv {
             Packed::Im2col(_) => Algorithm::Im2col,
             Packed::Winograd(weights) if weights.points() == 6 => Algorithm::Winograd6,
             Packed::Winograd(_) => Algorithm::Winograd8,
+            Packed::Int8(weights) => Algorithm::Int8(weights.input),
+        }
+    }
+
+    /// Values of scratch space that hold the input as the tiles read it, where they cannot read it as it lies.
+    fn prepared_len(&self, size: Size) -> usize {
+        let values = self.shape.padded(size).area() * self.shape.in_channels;
+        match &self.weights {
+            Packed::Int8(_) => (values + int8::SLACK).div_ceil(size_of::<f32>()),
+            _ if self.shape.pad > 0 => values,
+            _ => 0,
         }
     }
 
     /// How many values of scratch space [`run`](Self::run) needs for an input of `size` on `threads` threads.
     pub fn scratch_len(&self, size: Size, threads: &Threads) -> usize {
-        let padded =
-            if self.shape.pad > 0 { self.shape.padded(size).area() * self.shape.in_channels } else { 0 };
-        padded
+        self.prepared_len(size)
             + match &self.weights {
-                Packed::Direct(_) => 0,
+                Packed::Direct(_) | Packed::Int8(_) => 0,
                 Packed::Im2col(_) => im2col::scratch_len(&self.shape, size) * threads.count(),
                 Packed::Winograd(weights) => {
                     winograd::scratch_len(&self.shape, weights.points(), size) * threads.count()
@@ -209,14 +243,20 @@ impl Conv {
         let out_size = shape.out_size(size);
         assert_eq!(input.len(), size.area() * shape.in_channels, "input of {shape:?}");
         assert_eq!(out.len(), out_size.area() * shape.out_channels, "output of {shape:?}");
-        let (padded, scratch) = scratch.split_at_mut(if shape.pad > 0 {
-            shape.padded(size).area() * shape.in_channels
-        } else {
-            0
-        });
+        let (prepared, scratch) = scratch.split_at_mut(self.prepared_len(size));
+        if let Packed::Int8(weights) = &self.weights {
+            let bytes = bytemuck::cast_slice_mut(prepared);
+            self.quantize(threads, input, size, weights.input, bytes);
+            let (input, size) = (&*bytes, shape.padded(size));
+            threads.split_rows(out, out_size.w * shape.out_channels, |first_row, out| {
+                let bias = &self.bias;
+                self.isa.run_dot(int8::Int8 { shape, weights, bias, input, size, first_row, out });
+            });
+            return out_size;
+        }
         let (input, size) = if shape.pad > 0 {
-            pad(shape, input, size, padded);
-            (&*padded, shape.padded(size))
+            pad(shape, input, size, prepared);
+            (&*prepared, shape.padded(size))
         } else {
             (input, size)
         };
@@ -254,8 +294,26 @@ impl Conv {
             Packed::Im2col(weights) => {
                 im2col::run(threads, shape, weights, &self.bias, input, size, out, scratch)
             }
+            Packed::Int8(_) => unreachable!("done above"),
         }
         out_size
+    }
+
+    /// Quantizes `input` into the middle of `bytes`, the byte that stands for 0 around it.
+    fn quantize(
+        &self,
+        threads: &Threads,
+        input: &[f32],
+        size: Size,
+        quantization: Quantization,
+        bytes: &mut [u8],
+    ) {
+        let (c, pad) = (self.shape.in_channels, self.shape.pad);
+        let rows = Rows { row_len: size.w * c, out_row_len: (size.w + 2 * pad) * c, offset: pad * c };
+        if pad > 0 {
+            bytes.fill(quantization.zero_point);
+        }
+        quantize(self.isa, threads, input, quantization, rows, &mut bytes[pad * rows.out_row_len..]);
     }
 }
 

@@ -333,7 +333,7 @@ fn multiply<S: Simd>(
                     out: &mut products[tile * cout + first..],
                     out_step: cout,
                 };
-                args.dispatch(simd, pixels, vectors);
+                super::for_tile!(pixels, vectors, args.run, S, simd);
                 tile += pixels;
             }
             first += used;

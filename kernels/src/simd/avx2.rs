@@ -1,6 +1,6 @@
 //! Eight lanes: AVX2 with FMA.
 
-use super::{Kernel, Simd};
+use super::{Dot, DotKernel, Kernel, Simd};
 use std::arch::x86_64::*;
 
 /// Proof that this machine has AVX2 and FMA.
@@ -74,6 +74,19 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn store_bytes(self, v: __m256, dst: &mut [u8]) {
+        assert!(dst.len() >= 8);
+        // SAFETY: there is room for eight bytes, the store is unaligned, `self` proves AVX2. `max` makes NaN 0.
+        unsafe {
+            let held = _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), _mm256_set1_ps(255.0));
+            let rounded = _mm256_cvtps_epi32(held);
+            let halves =
+                _mm_packs_epi32(_mm256_castsi256_si128(rounded), _mm256_extracti128_si256::<1>(rounded));
+            _mm_storel_epi64(dst.as_mut_ptr().cast(), _mm_packus_epi16(halves, halves));
+        }
+    }
+
+    #[inline(always)]
     fn add(self, a: __m256, b: __m256) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_add_ps(a, b) }
@@ -95,5 +108,151 @@ impl Simd for Avx2 {
     fn max(self, a: __m256, b: __m256) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_max_ps(a, b) }
+    }
+}
+
+/// Proof that this machine has AVX-VNNI beside what [`Avx2`] needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Avx2Vnni(Avx2);
+
+impl Avx2Vnni {
+    /// The proof, if the machine has the instructions.
+    pub fn detect() -> Option<Avx2Vnni> {
+        if is_x86_feature_detected!("avxvnni") { Avx2::detect().map(Avx2Vnni) } else { None }
+    }
+
+    /// The proof of the smaller set.
+    #[inline]
+    pub(crate) fn base(self) -> Avx2 {
+        self.0
+    }
+
+    /// Runs `kernel` in a function that is compiled with these instructions.
+    #[inline]
+    pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx2,fma,avxvnni")]
+        fn inner<K: DotKernel>(dot: Avx2Vnni, kernel: K) -> K::Output {
+            kernel.run(dot)
+        }
+        // SAFETY: an `Avx2Vnni` exists only where `detect` has found all of these features.
+        unsafe { inner(self, kernel) }
+    }
+}
+
+impl Dot for Avx2Vnni {
+    type Float = Avx2;
+    type I32 = __m256i;
+    type Bytes = __m256i;
+    type Weights = __m256i;
+    const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
+
+    #[inline(always)]
+    fn float(self) -> Avx2 {
+        self.0
+    }
+
+    #[inline(always)]
+    fn splat(self, x: [u8; 4]) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_set1_epi32(i32::from_ne_bytes(x)) }
+    }
+
+    #[inline(always)]
+    fn load(self, weights: &[[i8; 4]]) -> __m256i {
+        self.0.load_quads(weights)
+    }
+
+    #[inline(always)]
+    fn sums(self, from: &[i32]) -> __m256i {
+        self.0.load_sums(from)
+    }
+
+    #[inline(always)]
+    fn dot(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX-VNNI.
+        unsafe { _mm256_dpbusd_avx_epi32(sum, x, w) }
+    }
+
+    #[inline(always)]
+    fn to_f32(self, sum: __m256i) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_cvtepi32_ps(sum) }
+    }
+}
+
+/// Without VNNI: bytes widened to 16 bits, even and odd ones apart. `maddubs` would be one instruction, but saturates.
+impl Dot for Avx2 {
+    type Float = Avx2;
+    type I32 = __m256i;
+    type Bytes = [__m256i; 2];
+    type Weights = [__m256i; 2];
+    const TILE_PIXELS: [usize; 4] = [0, 8, 4, 2];
+
+    #[inline(always)]
+    fn float(self) -> Avx2 {
+        self
+    }
+
+    #[inline(always)]
+    fn splat(self, x: [u8; 4]) -> [__m256i; 2] {
+        // SAFETY: `self` proves AVX2.
+        unsafe {
+            let all = _mm256_set1_epi32(i32::from_ne_bytes(x));
+            [_mm256_and_si256(all, _mm256_set1_epi16(0xff)), _mm256_srli_epi16::<8>(all)]
+        }
+    }
+
+    #[inline(always)]
+    fn load(self, weights: &[[i8; 4]]) -> [__m256i; 2] {
+        let all = self.load_quads(weights);
+        // SAFETY: `self` proves AVX2.
+        unsafe { [_mm256_srai_epi16::<8>(_mm256_slli_epi16::<8>(all)), _mm256_srai_epi16::<8>(all)] }
+    }
+
+    #[inline(always)]
+    fn sums(self, from: &[i32]) -> __m256i {
+        self.load_sums(from)
+    }
+
+    #[inline(always)]
+    fn dot(self, x: [__m256i; 2], w: [__m256i; 2], sum: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe {
+            let even = _mm256_add_epi32(sum, _mm256_madd_epi16(x[0], w[0]));
+            _mm256_add_epi32(even, _mm256_madd_epi16(x[1], w[1]))
+        }
+    }
+
+    #[inline(always)]
+    fn to_f32(self, sum: __m256i) -> __m256 {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_cvtepi32_ps(sum) }
+    }
+}
+
+impl Avx2 {
+    /// Runs `kernel` in a function that is compiled with these instructions.
+    #[inline]
+    pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx2,fma")]
+        fn inner<K: DotKernel>(dot: Avx2, kernel: K) -> K::Output {
+            kernel.run(dot)
+        }
+        // SAFETY: an `Avx2` exists only where `detect` has found AVX2 and FMA.
+        unsafe { inner(self, kernel) }
+    }
+
+    #[inline(always)]
+    fn load_quads(self, weights: &[[i8; 4]]) -> __m256i {
+        assert!(weights.len() >= 8);
+        // SAFETY: eight times four bytes are there, the load is unaligned, `self` proves AVX2.
+        unsafe { _mm256_loadu_si256(weights.as_ptr().cast()) }
+    }
+
+    #[inline(always)]
+    fn load_sums(self, from: &[i32]) -> __m256i {
+        assert!(from.len() >= 8);
+        // SAFETY: eight values are there, the load is unaligned, `self` proves AVX2.
+        unsafe { _mm256_loadu_si256(from.as_ptr().cast()) }
     }
 }

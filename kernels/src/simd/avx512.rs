@@ -1,6 +1,6 @@
 //! Sixteen lanes: AVX-512.
 
-use super::{Kernel, Simd};
+use super::{Dot, DotKernel, Kernel, Simd};
 use std::arch::x86_64::*;
 
 /// Proof that this machine has AVX-512 F, BW, DQ and VL (every AVX-512 processor since 2017), AVX2 and FMA.
@@ -75,6 +75,16 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn store_bytes(self, v: __m512, dst: &mut [u8]) {
+        assert!(dst.len() >= 16);
+        // SAFETY: there is room for sixteen bytes, the store is unaligned, `self` proves AVX-512 F. `max` makes NaN 0.
+        unsafe {
+            let rounded = _mm512_cvtps_epi32(_mm512_max_ps(v, _mm512_setzero_ps()));
+            _mm_storeu_si128(dst.as_mut_ptr().cast(), _mm512_cvtusepi32_epi8(rounded));
+        }
+    }
+
+    #[inline(always)]
     fn add(self, a: __m512, b: __m512) -> __m512 {
         // SAFETY: `self` proves AVX-512 F.
         unsafe { _mm512_add_ps(a, b) }
@@ -96,5 +106,151 @@ impl Simd for Avx512 {
     fn max(self, a: __m512, b: __m512) -> __m512 {
         // SAFETY: `self` proves AVX-512 F.
         unsafe { _mm512_max_ps(a, b) }
+    }
+}
+
+/// Proof that this machine has AVX-512 VNNI beside what [`Avx512`] needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Avx512Vnni(Avx512);
+
+impl Avx512Vnni {
+    /// The proof, if the machine has the instructions.
+    pub fn detect() -> Option<Avx512Vnni> {
+        if is_x86_feature_detected!("avx512vnni") { Avx512::detect().map(Avx512Vnni) } else { None }
+    }
+
+    /// The proof of the smaller set.
+    #[inline]
+    pub(crate) fn base(self) -> Avx512 {
+        self.0
+    }
+
+    /// Runs `kernel` in a function that is compiled with these instructions.
+    #[inline]
+    pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx2,fma")]
+        fn inner<K: DotKernel>(dot: Avx512Vnni, kernel: K) -> K::Output {
+            kernel.run(dot)
+        }
+        // SAFETY: an `Avx512Vnni` exists only where `detect` has found all of these features.
+        unsafe { inner(self, kernel) }
+    }
+}
+
+impl Dot for Avx512Vnni {
+    type Float = Avx512;
+    type I32 = __m512i;
+    type Bytes = __m512i;
+    type Weights = __m512i;
+    const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
+
+    #[inline(always)]
+    fn float(self) -> Avx512 {
+        self.0
+    }
+
+    #[inline(always)]
+    fn splat(self, x: [u8; 4]) -> __m512i {
+        // SAFETY: `self` proves AVX-512 F.
+        unsafe { _mm512_set1_epi32(i32::from_ne_bytes(x)) }
+    }
+
+    #[inline(always)]
+    fn load(self, weights: &[[i8; 4]]) -> __m512i {
+        self.0.load_quads(weights)
+    }
+
+    #[inline(always)]
+    fn sums(self, from: &[i32]) -> __m512i {
+        self.0.load_sums(from)
+    }
+
+    #[inline(always)]
+    fn dot(self, x: __m512i, w: __m512i, sum: __m512i) -> __m512i {
+        // SAFETY: `self` proves AVX-512 VNNI.
+        unsafe { _mm512_dpbusd_epi32(sum, x, w) }
+    }
+
+    #[inline(always)]
+    fn to_f32(self, sum: __m512i) -> __m512 {
+        // SAFETY: `self` proves AVX-512 F.
+        unsafe { _mm512_cvtepi32_ps(sum) }
+    }
+}
+
+/// Without VNNI: bytes widened to 16 bits, even and odd ones apart. `maddubs` would be one instruction, but saturates.
+impl Dot for Avx512 {
+    type Float = Avx512;
+    type I32 = __m512i;
+    type Bytes = [__m512i; 2];
+    type Weights = [__m512i; 2];
+    const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
+
+    #[inline(always)]
+    fn float(self) -> Avx512 {
+        self
+    }
+
+    #[inline(always)]
+    fn splat(self, x: [u8; 4]) -> [__m512i; 2] {
+        // SAFETY: `self` proves AVX-512 F and BW.
+        unsafe {
+            let all = _mm512_set1_epi32(i32::from_ne_bytes(x));
+            [_mm512_and_si512(all, _mm512_set1_epi16(0xff)), _mm512_srli_epi16::<8>(all)]
+        }
+    }
+
+    #[inline(always)]
+    fn load(self, weights: &[[i8; 4]]) -> [__m512i; 2] {
+        let all = self.load_quads(weights);
+        // SAFETY: `self` proves AVX-512 BW.
+        unsafe { [_mm512_srai_epi16::<8>(_mm512_slli_epi16::<8>(all)), _mm512_srai_epi16::<8>(all)] }
+    }
+
+    #[inline(always)]
+    fn sums(self, from: &[i32]) -> __m512i {
+        self.load_sums(from)
+    }
+
+    #[inline(always)]
+    fn dot(self, x: [__m512i; 2], w: [__m512i; 2], sum: __m512i) -> __m512i {
+        // SAFETY: `self` proves AVX-512 F and BW.
+        unsafe {
+            let even = _mm512_add_epi32(sum, _mm512_madd_epi16(x[0], w[0]));
+            _mm512_add_epi32(even, _mm512_madd_epi16(x[1], w[1]))
+        }
+    }
+
+    #[inline(always)]
+    fn to_f32(self, sum: __m512i) -> __m512 {
+        // SAFETY: `self` proves AVX-512 F.
+        unsafe { _mm512_cvtepi32_ps(sum) }
+    }
+}
+
+impl Avx512 {
+    /// Runs `kernel` in a function that is compiled with these instructions.
+    #[inline]
+    pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
+        fn inner<K: DotKernel>(dot: Avx512, kernel: K) -> K::Output {
+            kernel.run(dot)
+        }
+        // SAFETY: an `Avx512` exists only where `detect` has found all of these features.
+        unsafe { inner(self, kernel) }
+    }
+
+    #[inline(always)]
+    fn load_quads(self, weights: &[[i8; 4]]) -> __m512i {
+        assert!(weights.len() >= 16);
+        // SAFETY: sixteen times four bytes are there, the load is unaligned, `self` proves AVX-512 F.
+        unsafe { _mm512_loadu_si512(weights.as_ptr().cast()) }
+    }
+
+    #[inline(always)]
+    fn load_sums(self, from: &[i32]) -> __m512i {
+        assert!(from.len() >= 16);
+        // SAFETY: sixteen values are there, the load is unaligned, `self` proves AVX-512 F.
+        unsafe { _mm512_loadu_si512(from.as_ptr().cast()) }
     }
 }

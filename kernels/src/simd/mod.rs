@@ -1,9 +1,9 @@
-//! Vectors of `f32` on every instruction set, behind one small flat trait.
+//! Vectors on every instruction set, behind two small flat traits: [`Simd`] for `f32`, [`Dot`] for dot products of bytes.
 //!
-//! A kernel is a struct of its arguments that implements [`Kernel`]; its body is written once, generic over [`Simd`].
-//! [`Isa::run`](crate::Isa::run) enters an instruction set once per call of a kernel; everything below is inlined into that one function,
-//! so that the compiler may use the whole instruction set for it. The only intrinsics, and the only `unsafe`, of the
-//! repository are in this folder.
+//! A kernel is a struct of its arguments that implements [`Kernel`] (or [`DotKernel`]); its body is written once, generic over the
+//! trait. [`Isa::run`](crate::Isa::run) enters an instruction set once per call of a kernel; everything below is inlined into that one
+//! function, so that the compiler may use the whole instruction set for it. The only intrinsics, and the only `unsafe`, of
+//! the repository are in this folder.
 
 #![allow(unsafe_code)]
 
@@ -14,9 +14,9 @@ mod avx512;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
-pub use avx2::Avx2;
+pub use avx2::{Avx2, Avx2Vnni};
 #[cfg(target_arch = "x86_64")]
-pub use avx512::Avx512;
+pub use avx512::{Avx512, Avx512Vnni};
 pub use portable::Portable;
 
 /// A computation whose body is compiled once per instruction set.
@@ -55,6 +55,10 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Writes the first `min(dst.len(), LANES)` values of `dst`.
     fn store_partial(self, v: Self::F32, dst: &mut [f32]);
 
+    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in 0..=255; NaN
+    /// becomes 0. Panics if it is shorter.
+    fn store_bytes(self, v: Self::F32, dst: &mut [u8]);
+
     /// `a + b`.
     fn add(self, a: Self::F32, b: Self::F32) -> Self::F32;
 
@@ -72,6 +76,54 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn zero(self) -> Self::F32 {
         self.splat(0.0)
     }
+}
+
+/// A computation on bytes whose body is compiled once per instruction set.
+pub trait DotKernel {
+    /// What it returns.
+    type Output;
+
+    /// The body. Implementations say `#[inline(always)]`, as does all they call in their hot loops.
+    fn run<D: Dot>(self, dot: D) -> Self::Output;
+}
+
+/// Dot products of `u8` activations with `i8` weights, four at a time, summed in `i32`. `self` is the proof that the
+/// instructions exist.
+///
+/// Integers have one right answer: every instruction set gives the same sums.
+pub trait Dot: Copy + Send + Sync + 'static {
+    /// The same instruction set on `f32`, with as many lanes.
+    type Float: Simd;
+
+    /// One vector of sums.
+    type I32: Copy;
+
+    /// Four activations, the same in every lane.
+    type Bytes: Copy;
+
+    /// Four weights per lane.
+    type Weights: Copy;
+
+    /// As [`Simd::TILE_PIXELS`].
+    const TILE_PIXELS: [usize; 4];
+
+    /// The proof for the `f32` side.
+    fn float(self) -> Self::Float;
+
+    /// Four activations for every lane.
+    fn splat(self, x: [u8; 4]) -> Self::Bytes;
+
+    /// The weights of the first `LANES` lanes. Panics if there are fewer.
+    fn load(self, weights: &[[i8; 4]]) -> Self::Weights;
+
+    /// The first `LANES` sums. Panics if there are fewer.
+    fn sums(self, from: &[i32]) -> Self::I32;
+
+    /// `sum + x[0] w[0] + x[1] w[1] + x[2] w[2] + x[3] w[3]`, in every lane.
+    fn dot(self, x: Self::Bytes, w: Self::Weights, sum: Self::I32) -> Self::I32;
+
+    /// Every sum rounded to `f32`.
+    fn to_f32(self, sum: Self::I32) -> <Self::Float as Simd>::F32;
 }
 
 /// Clears the upper halves of the vector registers, where there are such.
@@ -119,6 +171,15 @@ mod tests {
             check(s.mul_add(va, vb, va), &|i| a[i] * b[i] + a[i]);
             check(s.max(va, vb), &|i| a[i].max(b[i]));
             check(s.max(s.splat(f32::NAN), vb), &|i| b[i]);
+            let mut bytes = vec![7; n];
+            s.store_bytes(va, &mut bytes);
+            let rounded = |x: f32| x.round_ties_even().clamp(0.0, 255.0) as u8; // -2.5, -1.5, ..
+            assert_eq!(bytes, a.iter().map(|x| rounded(*x)).collect::<Vec<_>>());
+            for (x, expected) in [(f32::NAN, 0), (-1e30, 0), (1e30, 255), (f32::INFINITY, 255), (254.5, 254)]
+            {
+                s.store_bytes(s.splat(x), &mut bytes);
+                assert!(bytes.iter().all(|byte| *byte == expected), "{x}: {bytes:?}");
+            }
             for len in 0..=n + 1 {
                 let partial: Vec<f32> = (0..len).map(|i| i as f32 + 1.0).collect();
                 check(s.load_partial(&partial), &|i| partial.get(i).copied().unwrap_or(0.0));
@@ -130,10 +191,40 @@ mod tests {
         }
     }
 
+    /// Dot products against plain sums, extremes included.
+    struct CheckDot;
+
+    impl DotKernel for CheckDot {
+        type Output = ();
+
+        #[inline(always)]
+        fn run<D: Dot>(self, dot: D) {
+            let n = D::Float::LANES;
+            let byte = |i: usize| [0u8, 255, 128, 1, 77, 254, 13, 200][i % 8];
+            let weight = |i: usize| [-128i8, 127, -127, 1, -1, 0, 55, -90][i % 8];
+            let weights: Vec<[i8; 4]> =
+                (0..n).map(|l| [weight(l), weight(3 * l + 1), weight(5 * l + 2), weight(l / 2)]).collect();
+            let start: Vec<i32> = (0..n as i32).map(|l| 1000 * l - 5000).collect();
+            for first in 0..8 {
+                let x = [byte(first), byte(first + 1), byte(first + 2), byte(first + 5)];
+                let (bytes, lanes) = (dot.splat(x), dot.load(&weights));
+                let sum = dot.dot(bytes, lanes, dot.dot(bytes, lanes, dot.sums(&start)));
+                let mut found = vec![f32::NAN; n];
+                dot.float().store(dot.to_f32(sum), &mut found);
+                let product =
+                    |w: &[i8; 4]| -> i32 { (0..4).map(|i| i32::from(x[i]) * i32::from(w[i])).sum() };
+                let expected: Vec<f32> =
+                    weights.iter().zip(&start).map(|(w, s)| (s + 2 * product(w)) as f32).collect();
+                assert_eq!(found, expected);
+            }
+        }
+    }
+
     #[test]
     fn operations_on_every_isa() {
         for isa in Isa::available() {
             isa.run(Check);
+            isa.run_dot(CheckDot);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Four lanes through the crate `wide`: SSE2 on x86-64, NEON on aarch64, plain Rust elsewhere.
 
-use super::Simd;
-use wide::f32x4;
+use super::{Dot, Simd};
+use wide::{f32x4, i16x8, i32x4, u16x8};
 
 /// The instruction set of the compiler's target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,6 +44,12 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn store_bytes(self, v: f32x4, dst: &mut [u8]) {
+        let (bytes, _) = dst.split_first_chunk_mut::<4>().expect("a whole vector");
+        *bytes = v.to_array().map(|x| x.round_ties_even() as u8); // the cast saturates
+    }
+
+    #[inline(always)]
     fn add(self, a: f32x4, b: f32x4) -> f32x4 {
         a + b
     }
@@ -61,5 +67,48 @@ impl Simd for Portable {
     #[inline(always)]
     fn max(self, a: f32x4, b: f32x4) -> f32x4 {
         a.max(b)
+    }
+}
+
+/// Bytes widened to 16 bits, even and odd ones apart.
+impl Dot for Portable {
+    type Float = Portable;
+    type I32 = i32x4;
+    type Bytes = [i16x8; 2];
+    type Weights = [i16x8; 2];
+    const TILE_PIXELS: [usize; 4] = [0, 8, 4, 2];
+
+    #[inline(always)]
+    fn float(self) -> Portable {
+        self
+    }
+
+    #[inline(always)]
+    fn splat(self, x: [u8; 4]) -> [i16x8; 2] {
+        let all: u16x8 = bytemuck::cast(i32x4::splat(i32::from_ne_bytes(x)));
+        [bytemuck::cast((all << 8) >> 8), bytemuck::cast(all >> 8)]
+    }
+
+    #[inline(always)]
+    fn load(self, weights: &[[i8; 4]]) -> [i16x8; 2] {
+        let (quads, _) = weights.split_first_chunk::<4>().expect("a whole vector");
+        let all: i16x8 = bytemuck::cast(*quads);
+        [(all << 8) >> 8, all >> 8]
+    }
+
+    #[inline(always)]
+    fn sums(self, from: &[i32]) -> i32x4 {
+        let (lanes, _) = from.split_first_chunk().expect("a whole vector");
+        i32x4::new(*lanes)
+    }
+
+    #[inline(always)]
+    fn dot(self, x: [i16x8; 2], w: [i16x8; 2], sum: i32x4) -> i32x4 {
+        sum + x[0].dot(w[0]) + x[1].dot(w[1])
+    }
+
+    #[inline(always)]
+    fn to_f32(self, sum: i32x4) -> f32x4 {
+        f32x4::from_i32x4(sum)
     }
 }

@@ -3,12 +3,13 @@
 use crate::args;
 use std::sync::Arc;
 use trainer::Error;
+use trainer::calibrate::calibrate;
 use trainer::data::Dataset;
 use trainer::fit::{Fit, RunOptions, compute};
 use trainer::prune::{Ranks, prune as prune_by_rank};
 use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
 use trainer::validate::Validation;
-use weights_format::Storage;
+use weights_format::{Storage, Weights};
 
 /// `fit`.
 pub fn fit(args: &args::Fit) -> Result<(), Error> {
@@ -105,6 +106,26 @@ pub fn export(args: &args::Export) -> Result<(), Error> {
         report = Some(found);
     }
     fit.export(storage, &args.name, report.as_ref())?.write(&args.out)?;
+    println!("{}", args.out.display());
+    Ok(())
+}
+
+/// `quantize`.
+pub fn quantize(mut args: args::Quantize) -> Result<(), Error> {
+    if !(1..=100_000).contains(&args.pairs) {
+        return Err(args::wrong("--pairs", "1 to 100000", &args.pairs));
+    }
+    if args.data.data.is_empty() {
+        args.data.data.push("scenes".into());
+    }
+    let mut weights = Weights::read(&args.weights)?;
+    let dataset = args.data.open()?;
+    let calibration = calibrate(&weights, &dataset, args.pairs)?;
+    for (name, range) in &calibration.inputs {
+        println!("{name:20} {:10.4} .. {:9.4}", range.low, range.high);
+    }
+    weights.header.calibration = Some(calibration);
+    weights.write(&args.out)?;
     println!("{}", args.out.display());
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod calibrate;
 pub mod data;
 pub mod error;
 pub mod fit;

@@ -32,6 +32,7 @@ fn run(args: Args) -> Result<(), Error> {
         Command::Sweep(args) => commands::sweep(&args),
         Command::Ablate(args) => commands::ablate(&args),
         Command::Export(args) => commands::export(&args),
+        Command::Quantize(args) => commands::quantize(args),
         Command::Show(args) => commands::show(&args),
     }
 }

@@ -34,6 +34,8 @@ pub enum Command {
     Ablate(Box<Ablate>),
     /// Write a checkpoint's network as a weights file
     Export(Export),
+    /// Measure a weights file's activations, so that it can run on bytes (int8)
+    Quantize(Quantize),
     /// Write contact sheets of sampled pairs
     Show(Show),
 }
@@ -92,6 +94,21 @@ pub enum Dtype {
 }
 
 #[derive(Debug, clap::Args)]
+pub struct Quantize {
+    /// The weights file
+    pub weights: PathBuf,
+    /// The weights file to write: the same weights with the ranges of their activations; replaced if it exists
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Pairs of crops to measure on
+    #[arg(long, default_value_t = 200)]
+    pub pairs: u64,
+    /// Rendered flights where none is given
+    #[command(flatten)]
+    pub data: Data,
+}
+
+#[derive(Debug, clap::Args)]
 pub struct Show {
     #[command(flatten)]
     pub data: Data,
@@ -109,6 +126,6 @@ pub struct Show {
     pub first: u64,
 }
 
-fn wrong(option: &str, expected: &str, found: &dyn ToString) -> Error {
+pub fn wrong(option: &str, expected: &str, found: &dyn ToString) -> Error {
     Error::Option { option: option.into(), expected: expected.into(), found: found.to_string() }
 }

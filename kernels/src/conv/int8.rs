@@ -1,0 +1,299 @@
+//! Direct convolution of bytes: `u8` activations with `i8` weights, exact in `i32`, then back to `f32`.
+//!
+//! ```text
+//! y[o] = s[o] * (sum over the window of q_w * q_x  -  z * sum of q_w)  +  b[o],     s[o] = scale of weights[o] * scale of x
+//! ```
+//!
+//! The zero-point's term depends on the weights alone, so the sums start from it. The padding of a padded layer is the zero-point, which stands for 0.
+//! Weights are symmetric, one scale per output channel: `q_w = round(w * 127 / max |w|)`.
+//!
+//! The walk is that of `direct.rs` with four inputs per step: one load of four weights per lane and channel vector, one broadcast of four
+//! neighbouring inputs per pixel. A window's row of `k * Cin` bytes is taken up to the next multiple of four; the weights behind its end are zero.
+
+use super::ConvShape;
+use super::direct::blocks;
+use crate::quant::Quantization;
+use crate::simd::{Dot, DotKernel, Simd};
+use crate::{Isa, Size};
+
+/// Bytes that must follow the input, because windows are read four bytes at a time.
+pub(super) const SLACK: usize = 3;
+
+/// Weights as the tiles read them: `[block][kernel row][quads of a row][vectors of the block * LANES]`.
+#[derive(Clone, Debug)]
+pub(super) struct Weights {
+    quads: Vec<[i8; 4]>,
+    start: Vec<i32>, // of the sums, `[Cout]` and zeros up to whole vectors
+    scale: Vec<f32>, // of the sums, `[Cout]`
+    pub input: Quantization,
+}
+
+impl Weights {
+    /// From `[Cout, k, k, Cin]`.
+    pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32], input: Quantization) -> Weights {
+        let lanes = isa.lanes();
+        let row_len = shape.kernel * shape.in_channels;
+        let vectors = shape.out_channels.div_ceil(lanes);
+        let rounded: Vec<(Vec<i8>, f32)> = weights.chunks_exact(shape.window()).map(round).collect();
+        let sum = |row: &[i8]| row.iter().map(|w| i32::from(*w)).sum::<i32>();
+        let mut start: Vec<i32> =
+            rounded.iter().map(|(row, _)| -i32::from(input.zero_point) * sum(row)).collect();
+        start.resize(vectors * lanes, 0);
+        let quad = |output: usize, ky: usize, group: usize| {
+            let mut quad = [0; 4];
+            if let Some((window, _)) = rounded.get(output) {
+                let row = &window[ky * row_len..][..row_len];
+                let from = &row[4 * group..row_len.min(4 * group + 4)];
+                quad[..from.len()].copy_from_slice(from);
+            }
+            quad
+        };
+        let mut quads = Vec::with_capacity(vectors * lanes * shape.kernel * quads_per_row(shape));
+        let mut first = 0;
+        for width in blocks(vectors) {
+            let channels = first..first + width * lanes;
+            for ky in 0..shape.kernel {
+                for group in 0..quads_per_row(shape) {
+                    quads.extend(channels.clone().map(|output| quad(output, ky, group)));
+                }
+            }
+            first = channels.end;
+        }
+        Weights { quads, start, scale: rounded.iter().map(|(_, s)| s * input.scale).collect(), input }
+    }
+}
+
+/// One output channel's weights as bytes, and what one of them is worth.
+fn round(weights: &[f32]) -> (Vec<i8>, f32) {
+    let largest = weights.iter().fold(0.0f32, |all, w| all.max(w.abs()));
+    let scale = (largest / 127.0).max(f32::MIN_POSITIVE);
+    (weights.iter().map(|w| (w / scale).round_ties_even() as i8).collect(), scale)
+}
+
+/// Steps of the walk along a window's row.
+fn quads_per_row(shape: &ConvShape) -> usize {
+    (shape.kernel * shape.in_channels).div_ceil(4)
+}
+
+/// Some rows of one convolution without padding.
+pub(super) struct Int8<'a> {
+    pub shape: &'a ConvShape,
+    pub weights: &'a Weights,
+    pub bias: &'a [f32], // [Cout]
+    pub input: &'a [u8], // [size.h, size.w, Cin], padding included, and `SLACK` bytes
+    pub size: Size,
+    pub first_row: usize,   // of the output, that `out` starts at
+    pub out: &'a mut [f32], // [rows, W', Cout]
+}
+
+impl DotKernel for Int8<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<D: Dot>(self, dot: D) {
+        let Int8 { shape, weights, bias, input, size, first_row, out } = self;
+        let (channels, lanes) = (shape.out_channels, D::Float::LANES);
+        let width = (size.w - shape.kernel) / shape.stride + 1;
+        let steps = shape.kernel * quads_per_row(shape);
+        let mut rest = &weights.quads[..];
+        let mut first = 0;
+        for vectors in blocks(channels.div_ceil(lanes)) {
+            let (block, later) = rest.split_at(steps * vectors * lanes);
+            rest = later;
+            let used = (vectors * lanes).min(channels - first);
+            let tiles = width.div_ceil(D::TILE_PIXELS[vectors]);
+            for (y, row) in out.chunks_exact_mut(width * channels).enumerate() {
+                let top = (first_row + y) * shape.stride * size.w;
+                let mut x = 0;
+                for i in 0..tiles {
+                    let pixels = width / tiles + usize::from(i < width % tiles);
+                    let tile = Tile {
+                        input: &input[(top + x * shape.stride) * shape.in_channels..],
+                        pixel_step: shape.stride * shape.in_channels,
+                        row_step: size.w * shape.in_channels,
+                        quads: quads_per_row(shape),
+                        rows: shape.kernel,
+                        weights: block,
+                        start: &weights.start[first..],
+                        scale: &weights.scale[first..][..used],
+                        bias: &bias[first..][..used],
+                        relu: shape.relu,
+                        out: &mut row[x * channels + first..],
+                        out_step: channels,
+                    };
+                    super::for_tile!(pixels, vectors, tile.run, D, dot);
+                    x += pixels;
+                }
+            }
+            first += used;
+        }
+    }
+}
+
+/// One register tile: neighbouring pixels x a block of channels.
+struct Tile<'a> {
+    input: &'a [u8],        // from the first pixel's window on
+    pixel_step: usize,      // from one pixel's window to the next one's
+    row_step: usize,        // from one row of the window to the next
+    quads: usize,           // steps along a window's row
+    rows: usize,            // rows of the window
+    weights: &'a [[i8; 4]], // [rows * quads, VECTORS * LANES]
+    start: &'a [i32],       // [VECTORS * LANES]
+    scale: &'a [f32],       // [channels of the block that exist]
+    bias: &'a [f32],        // likewise
+    relu: bool,
+    out: &'a mut [f32], // from the first pixel's first channel on
+    out_step: usize,    // from one pixel to the next
+}
+
+impl Tile<'_> {
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn run<D: Dot, const PIXELS: usize, const VECTORS: usize>(self, dot: D) {
+        if PIXELS > D::TILE_PIXELS[VECTORS] {
+            unreachable!("more than the registers hold");
+        }
+        let (simd, lanes) = (dot.float(), D::Float::LANES);
+        let mut sums = [[dot.sums(self.start); VECTORS]; PIXELS];
+        for v in 1..VECTORS {
+            let start = dot.sums(&self.start[v * lanes..]);
+            for i in 0..PIXELS {
+                sums[i][v] = start;
+            }
+        }
+        for (ky, weights) in
+            self.weights.chunks_exact(self.quads * VECTORS * lanes).take(self.rows).enumerate()
+        {
+            let mut windows = [&[][..]; PIXELS];
+            for (i, window) in windows.iter_mut().enumerate() {
+                let bytes = &self.input[ky * self.row_step + i * self.pixel_step..][..4 * self.quads];
+                *window = &bytes.as_chunks::<4>().0[..self.quads];
+            }
+            for (j, weights) in (0..self.quads).zip(weights.chunks_exact(VECTORS * lanes)) {
+                let mut w = [dot.load(weights); VECTORS];
+                for v in 1..VECTORS {
+                    w[v] = dot.load(&weights[v * lanes..]);
+                }
+                for i in 0..PIXELS {
+                    let x = dot.splat(windows[i][j]);
+                    for v in 0..VECTORS {
+                        sums[i][v] = dot.dot(x, w[v], sums[i][v]);
+                    }
+                }
+            }
+        }
+        let floor = simd.splat(if self.relu { 0.0 } else { f32::NEG_INFINITY });
+        for i in 0..PIXELS {
+            let out = &mut self.out[i * self.out_step..][..self.bias.len()];
+            for v in 0..VECTORS {
+                let first = v * lanes;
+                if first >= out.len() {
+                    continue;
+                }
+                let (scale, bias) = (&self.scale[first..], &self.bias[first..]);
+                let sum = dot.to_f32(sums[i][v]);
+                if bias.len() >= lanes {
+                    let y = simd.mul_add(sum, simd.load(scale), simd.load(bias));
+                    simd.store(simd.max(y, floor), &mut out[first..]);
+                } else {
+                    let y = simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias));
+                    simd.store_partial(simd.max(y, floor), &mut out[first..]);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Algorithm, Conv};
+    use super::*;
+    use crate::par::Threads;
+    use crate::testing::{assert_close, noise};
+
+    /// The same convolution in `f64` on the values that the bytes stand for.
+    fn expected(shape: &ConvShape, size: Size, input: &[f32], weights: &[f32], q: Quantization) -> Vec<f64> {
+        let bytes = crate::reference::quantize(q, input);
+        let input: Vec<f32> = bytes.iter().map(|b| q.value(b.round_ties_even() as u8)).collect();
+        let whole = |window: &[f32]| {
+            let (rounded, scale) = round(window);
+            rounded.iter().map(|w| f32::from(*w) * scale).collect::<Vec<_>>()
+        };
+        let weights: Vec<f32> = weights.chunks(shape.window()).flat_map(whole).collect();
+        crate::reference::conv(shape, size, &input, &weights, &noise(shape.out_channels, 2))
+    }
+
+    fn check(shape: ConvShape, size: Size) {
+        let weights = noise(shape.out_channels * shape.window(), 1);
+        // Sixteenths, so that no value lies between two bytes.
+        let input: Vec<f32> =
+            noise(size.area() * shape.in_channels, 3).iter().map(|v| (v * 16.0).round() / 16.0).collect();
+        let q = Quantization { scale: 1.0 / 16.0, zero_point: 21 };
+        let expected = expected(&shape, size, &input, &weights, q);
+        for isa in Isa::available() {
+            let conv = Conv::new(isa, Algorithm::Int8(q), shape, &weights, &noise(shape.out_channels, 2));
+            assert_eq!(conv.algorithm(), Algorithm::Int8(q));
+            for count in [1, 2] {
+                let threads = Threads::new(count);
+                let mut out = vec![f32::NAN; expected.len()];
+                let mut scratch = vec![f32::NAN; conv.scratch_len(size, &threads)];
+                threads.enter(|| conv.run(&threads, &input, size, &mut out, &mut scratch));
+                assert_close(
+                    &out,
+                    &expected,
+                    1e-6,
+                    &format!("{shape:?} on {size:?}, {isa}, {count} threads"),
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn equals_the_reference_at_awkward_widths() {
+        for (i, n) in [1, 4, 5, 8, 9, 16, 17, 33, 47, 48, 80].into_iter().enumerate() {
+            for in_channels in [1, 3, 5, 16] {
+                let shape = ConvShape {
+                    in_channels,
+                    out_channels: n,
+                    kernel: 3,
+                    stride: 1,
+                    pad: 0,
+                    relu: i % 2 == 0,
+                };
+                check(shape, Size { h: 4, w: 3 + 2 * i });
+            }
+        }
+    }
+
+    #[test]
+    fn equals_the_reference_at_every_kernel_stride_and_pad() {
+        for (kernel, stride, pad) in [(1, 1, 0), (3, 1, 1), (3, 2, 1), (5, 1, 2), (11, 2, 0)] {
+            let shape = ConvShape { in_channels: 3, out_channels: 21, kernel, stride, pad, relu: true };
+            for side in [11, 12, 23] {
+                check(shape, Size { h: side, w: side + 5 });
+            }
+        }
+    }
+
+    #[test]
+    fn extremes_do_not_saturate() {
+        // All bytes 255, all weights 127 and -127: sums of a few million.
+        let shape =
+            ConvShape { in_channels: 64, out_channels: 18, kernel: 5, stride: 1, pad: 0, relu: false };
+        let weights: Vec<f32> =
+            (0..18 * shape.window()).map(|i| if i / shape.window() % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let size = Size::square(6);
+        let input = vec![255.0; size.area() * 64];
+        for isa in Isa::available() {
+            let conv = Conv::new(isa, Algorithm::Int8(Quantization::PIXELS), shape, &weights, &[0.0; 18]);
+            let threads = Threads::new(1);
+            let mut out = vec![0.0; 4 * 18];
+            let mut scratch = vec![0.0; conv.scratch_len(size, &threads)];
+            conv.run(&threads, &input, size, &mut out, &mut scratch);
+            for (i, y) in out.iter().enumerate() {
+                let expected = 255.0 * 1600.0 * if i % 2 == 0 { 1.0 } else { -1.0 };
+                assert!((y / expected - 1.0).abs() < 1e-6, "{isa}: {y}, expected {expected}");
+            }
+        }
+    }
+}
