@@ -46,5 +46,5 @@ pub use dataset::{Dataset, Sequence};
 pub use error::Error;
 pub use notes::Notes;
 pub use results::Results;
-pub use score::Score;
+pub use score::{Evaluation, Score};
 pub use speed::Speed;

@@ -63,19 +63,73 @@ fn from_run_to_page() {
     assert!(folder.join("exported/still/a.txt").is_file());
 }
 
+/// Killed after the first sequence and started again: nothing is done twice, and the files are those of one run.
+#[test]
+fn a_killed_run_goes_on() {
+    let folder = benchmark("killed");
+    // The tracker notes each of its runs.
+    let tracker =
+        format!("sh -c 'echo {{init}} >> runs; sleep 0.3; {}'", &ECHO["sh -c '".len()..ECHO.len() - 1]);
+    let run = |out: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ope"));
+        command.current_dir(&folder).args(["run", "--dataset", "folder", "--root", "data", "--jobs", "1"]);
+        command.args(["--name", "still", "--tracker", &tracker, "--out", out]);
+        command
+    };
+    let runs = || fs::read_to_string(folder.join("runs")).unwrap_or_default().lines().count();
+    let first = folder.join("out/folder/still/a.txt");
+    let mut child = run("out").spawn().unwrap();
+    while !first.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let (began, written) = (runs(), fs::metadata(&first).unwrap().modified().unwrap());
+    assert!((1..3).contains(&began) && !folder.join("out/folder/still/c.txt").exists());
+    assert!(run("out").status().unwrap().success());
+    assert_eq!(fs::metadata(&first).unwrap().modified().unwrap(), written);
+    assert_eq!(runs(), began + 2, "b and c, and not a once more");
+    assert!(run("whole").status().unwrap().success());
+    for file in ["a.txt", "b.txt", "c.txt", "times/a_time.txt", "times/c_time.txt"] {
+        let read = |at: &str| fs::read(folder.join(at).join("folder/still").join(file)).unwrap();
+        assert_eq!(read("out"), read("whole"), "{file}");
+    }
+}
+
+#[test]
+fn flights_are_rendered_tracked_and_scored() {
+    let folder = benchmark("rendered");
+    let render = ["render", "--out", "flights", "--count", "2", "--frames", "5", "--size", "128x96"];
+    assert_eq!(ope(&folder, &render).0, Some(0));
+    let data = ["--dataset", "folder", "--root", "flights"];
+    let (code, _, told) = ope(&folder, &[&["run"], &data[..], &["--out", "out"]].concat());
+    assert_eq!(code, Some(0), "{told}");
+    let score = ["score", "--results", "out/folder/track-cpu", "--json", "--convention", "otb"];
+    let (code, text, told) = ope(&folder, &[&score[..], &data[..]].concat());
+    assert_eq!(code, Some(0), "{told}");
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(value["sequences"], 2);
+    assert!(value["auc"].as_f64().unwrap() > 20.0 && value["fps"]["frames_per_time"].as_f64().unwrap() > 0.0);
+    assert_eq!(ope(&folder, &["render", "--out", "x", "--size", "9999999x9"]).0, Some(2));
+}
+
 #[test]
 fn bad_options_and_inputs() {
     let folder = benchmark("bad-programs");
-    let run = ["run", "--dataset", "folder", "--root", "data", "--out", "out"];
+    let run = ["run", "--root", "data", "--out", "out"];
     for (more, code, part) in [
         (&["--shard", "3/2"][..], 2, "i from 1 to n"),
         (&["--tracker", "'x"], 2, "quote"),
+        (&["--tracker", "trax:"], 2, "found none"),
+        (&["--tracker", "x", "--timeout", "0"], 2, "seconds above 0"),
+        (&["--dataset", "uav321"], 2, "expected one of uav123, uav123_10fps"),
         (&["--name", "../x"], 3, "--name: expected a name for a folder"),
         (&["--model", "data/a/groundtruth_rect.txt"], 3, "groundtruth_rect.txt"),
         (&["--tracker", "false"], 3, "3 of 3 sequences failed"),
         (&["--jobs", "1"], 3, "a/img/0001.jpg"),
     ] {
-        let (found, _, told) = ope(&folder, &[&run[..], more].concat());
+        let set: &[&str] = if more.contains(&"--dataset") { &[] } else { &["--dataset", "folder"] };
+        let (found, _, told) = ope(&folder, &[&run[..], set, more].concat());
         assert_eq!(found, Some(code), "{told}");
         assert!(told.contains(part), "{told}");
     }

@@ -147,3 +147,13 @@ fn the_development_sequences() {
     let gull = found.iter().find(|s| s.annotation.name == "Gull2").unwrap();
     assert_eq!((gull.frames.len(), gull.annotation.scale), (60, 0.75));
 }
+
+#[test]
+fn names_in_every_spelling() {
+    for dataset in Dataset::ALL {
+        assert_eq!(dataset.option().parse(), Ok(dataset));
+        assert_eq!(dataset.name().parse(), Ok(dataset));
+    }
+    assert_eq!("UAV123@10fps".parse(), Ok(Dataset::Uav123At10Fps));
+    assert!("uav".parse::<Dataset>().unwrap_err().contains("uav20l, dtb70"));
+}

@@ -1,0 +1,63 @@
+//! A hundred thousand frames are scored in seconds, in little memory.
+
+use ope::score::Missing;
+use ope::{Convention, Evaluation, Notes, Results, annotations};
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Most memory this process has held so far, in bytes; known on Linux only.
+fn peak_memory() -> Option<u64> {
+    let text = fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find(|line| line.starts_with("VmHWM"))?;
+    Some(line.split_ascii_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
+}
+
+/// Sequences of 1000 frames whose results are off by up to 40 pixels.
+fn benchmark(sequences: usize) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("large-{sequences}"));
+    let _ = fs::remove_dir_all(&folder);
+    for at in ["truth", "found/times"] {
+        fs::create_dir_all(folder.join(at)).unwrap();
+    }
+    for s in 0..sequences {
+        let (mut truth, mut found) = (String::new(), String::new());
+        for i in 0..1000 {
+            writeln!(truth, "{},{},40,30", 100 + i % 300, 100 + s % 50).unwrap();
+            writeln!(found, "{}.125,{}.250,41.000,29.500", 100 + i % 300 + (i * s) % 40, 100 + s % 50)
+                .unwrap();
+        }
+        fs::write(folder.join(format!("truth/s{s:03}.txt")), truth).unwrap();
+        fs::write(folder.join(format!("found/s{s:03}.txt")), found).unwrap();
+        fs::write(folder.join(format!("found/times/s{s:03}_time.txt")), "0.01000000\n".repeat(1000)).unwrap();
+    }
+    folder
+}
+
+/// Scores under all rules, and how long that took.
+fn score(folder: &Path) -> (f64, Duration) {
+    let (began, mut notes) = (Instant::now(), Notes::default());
+    let truth = annotations::read_folder(&folder.join("truth")).unwrap();
+    let results = Results::open(&folder.join("found")).unwrap();
+    let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
+    let scores = evaluation.scores(&Convention::ALL, &mut notes).unwrap();
+    assert_eq!(notes.count(), 0, "{notes}");
+    (scores[0].auc, began.elapsed())
+}
+
+#[test]
+fn a_hundred_thousand_frames() {
+    let (small, large) = (benchmark(10), benchmark(100));
+    score(&small);
+    let before = peak_memory();
+    let (auc, took) = score(&large);
+    assert!((1.0..95.0).contains(&auc), "{auc}");
+    assert!(took < Duration::from_secs(10), "{took:?}"); // a quarter of a second on an idle core
+    if let (Some(before), Some(after)) = (before, peak_memory()) {
+        assert!(after - before < 32 << 20, "{} bytes more", after - before);
+    } else {
+        println!("skipped: this system does not tell the memory of a process");
+    }
+    println!("100000 frames in {took:?}");
+}
