@@ -137,12 +137,13 @@ impl Tracker {
     }
 
     /// Looks for the target around `around`, whose size it is expected to have, in a region `zoom` times as wide as
-    /// usual and without regard to where in it; the target stays where it is.
+    /// usual; the target stays where it is. `window_influence` as in [`TrackConfig`], 0 for no regard to where in it.
     pub(crate) fn look(
         &mut self,
         frame: &Frame<'_>,
         around: CenterBox,
         zoom: f64,
+        window_influence: f64,
     ) -> Result<Seen, TrackError> {
         let target = self.target.ok_or(TrackError::NoTarget)?;
         let around = around.clamped(frame.width(), frame.height(), self.config.min_size);
@@ -151,8 +152,8 @@ impl Tracker {
         let scale = self.cut(frame, &Target { bbox: zoomed, ..target }, search_size);
         let outputs = self.network.search_timed(&self.crop, &mut self.stages);
         let (w, h) = (f64::from(around.w) * scale, f64::from(around.h) * scale);
-        let anywhere = TrackConfig { window_influence: 0.0, ..self.config };
-        let seen = Seen { around, scale, choice: self.selector.choose(outputs, w, h, &anywhere) };
+        let config = TrackConfig { window_influence, ..self.config };
+        let seen = Seen { around, scale, choice: self.selector.choose(outputs, w, h, &config) };
         self.seen = Some(seen);
         Ok(seen)
     }

@@ -11,6 +11,9 @@ use crate::bbox::CenterBox;
 const ACCELERATION: f64 = 0.02;
 /// Standard deviation of a measured centre, in target sides.
 const MEASUREMENT: f64 = 0.05;
+/// The gate: so many target sides, for what the model of motion leaves out, and so many standard deviations.
+const SLACK: f64 = 0.6;
+const SIGMAS: f64 = 4.0;
 /// Share of the velocity that is kept per frame without a measurement: far predictions slow down.
 const KEPT_VELOCITY: f64 = 0.97;
 
@@ -112,6 +115,11 @@ impl Kalman {
         }
     }
 
+    /// How far from the prediction the target may be, in target sides: grows while it is not seen.
+    pub(crate) fn gate(&self) -> f64 {
+        SLACK + SIGMAS * self.x.variance[0].max(self.y.variance[0]).sqrt() / self.side()
+    }
+
     /// Distance of a centre from the prediction, in target sides.
     pub(crate) fn distance(&self, bbox: &CenterBox) -> f64 {
         let (dx, dy) = (f64::from(bbox.cx) - self.x.position, f64::from(bbox.cy) - self.y.position);
@@ -163,6 +171,21 @@ mod tests {
             kalman.correct(&at(10.0, 0.0), trust);
         }
         assert!(wary.bbox().cx < 0.3 * trusting.bbox().cx);
+    }
+
+    #[test]
+    fn the_gate_opens_while_nothing_is_seen() {
+        let mut kalman = Kalman::new(&at(100.0, 50.0));
+        for _ in 0..30 {
+            kalman.predict(&Motion::default());
+            kalman.correct(&at(100.0, 50.0), 1.0);
+        }
+        let seen = kalman.gate();
+        assert!((SLACK..1.5).contains(&seen), "{seen}");
+        for _ in 0..60 {
+            kalman.predict(&Motion::default());
+        }
+        assert!(kalman.gate() > 10.0, "{}", kalman.gate());
     }
 
     #[test]

@@ -164,10 +164,10 @@ struct Tentative {
 const TILE_SHARE: f64 = 120.0 / 303.0;
 /// Frames of [`State::Reacquired`] before [`State::Tracking`].
 const FRESH: u32 = 10;
-/// A rival must have this share of the chosen box's score to be taken in its place.
-const RIVAL_SCORE: f32 = 0.7;
-/// A chosen box this many target sides from the prediction is suspected to be another object.
-const SUSPECT: f64 = 1.0;
+/// A rival must have this share of the chosen box's score to be taken in its place,
+const RIVAL_SCORE: f32 = 0.5;
+/// and fall behind its similarity by no more than this.
+const RIVAL_SIMILARITY: f32 = 0.1;
 
 impl FlightTracker {
     /// A tracker with the presence coefficients that the model brings.
@@ -257,9 +257,12 @@ impl FlightTracker {
         };
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
         let mut bbox = track.bbox.center();
-        if self.options.recover
-            && let Some(other) = self.rival(&finding)
-        {
+        if self.options.recover && !self.is_within_reach(&finding.bbox) {
+            // Too far in one frame: another object, or the target behind one.
+            let Some(other) = self.rival() else {
+                self.enter(State::Coasting);
+                return Ok(());
+            };
             bbox = CenterBox { cx: other.cx, cy: other.cy, ..bbox };
             self.tracker.place(bbox);
         }
@@ -298,24 +301,20 @@ impl FlightTracker {
         }
     }
 
-    /// Another candidate nearer to where the target should be, if the chosen box is suspiciously far from there: two
-    /// similar objects that cross.
-    fn rival(&self, finding: &Finding) -> Option<CenterBox> {
-        let kalman = self.kalman?;
-        let distance = kalman.distance(&finding.bbox);
-        if distance < SUSPECT || self.state != State::Tracking {
-            return None;
-        }
-        let others = self.witness.candidates.get(1..)?;
-        let near = |bbox: &CenterBox| kalman.distance(bbox) < 0.4 * distance;
-        let chosen = self.witness.candidates.first()?;
-        let good = |c: &&Candidate| {
-            c.score >= RIVAL_SCORE * finding.score
-                && c.similarity >= chosen.similarity - 0.1
-                && near(&c.bbox.center())
+    /// The best other candidate where the target can be, if one looks as much like it as the chosen one: two similar
+    /// objects that cross.
+    fn rival(&self) -> Option<CenterBox> {
+        let (chosen, others) = self.witness.candidates.split_first()?;
+        let alike = |c: &&Candidate| {
+            c.score >= RIVAL_SCORE * chosen.score && c.similarity >= chosen.similarity - RIVAL_SIMILARITY
         };
-        let best = others.iter().filter(good).max_by(|a, b| a.score.total_cmp(&b.score))?;
-        Some(best.bbox.center())
+        let near = others.iter().filter(alike).filter(|c| self.is_within_reach(&c.bbox.center()));
+        near.max_by(|a, b| a.score.total_cmp(&b.score)).map(|c| c.bbox.center())
+    }
+
+    /// Whether the target can be there, for all that is known of its motion.
+    fn is_within_reach(&self, bbox: &CenterBox) -> bool {
+        self.kalman.is_none_or(|kalman| kalman.distance(bbox) <= kalman.gate())
     }
 
     /// Looks where the target should be, then wherever it may be, as long as the budget lasts; returns the searches made.
@@ -368,11 +367,12 @@ impl FlightTracker {
     /// Looks around the predicted place; `true` if something there may be the target.
     fn look_ahead(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
         let predicted = self.predicted(frame);
-        self.tracker.look(frame, predicted, 1.0)?;
+        self.tracker.look(frame, predicted, 1.0, self.options.config.window_influence)?;
         let Some(finding) = self.judge(true) else { return Ok(false) };
         self.score = finding.score;
         self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
-        let promising = self.presence.alone(&finding.evidence) >= self.options.present;
+        let promising = self.presence.alone(&finding.evidence) >= self.options.present
+            && self.is_within_reach(&finding.bbox);
         if promising {
             let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
             let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..predicted };
@@ -395,8 +395,11 @@ impl FlightTracker {
                 false => self.look_elsewhere(frame),
             };
         };
-        self.tracker.look(frame, CenterBox { cx, cy, ..size }, zoom)?;
+        self.tracker.look(frame, CenterBox { cx, cy, ..size }, zoom, 0.0)?;
         let Some(finding) = self.judge(false) else { return Ok(()) };
+        if !self.is_within_reach(&finding.bbox) {
+            return Ok(());
+        }
         let odds = self.presence.log_odds(&finding.evidence);
         let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..size };
         if odds > presence_odds(self.options.absent) {
@@ -492,7 +495,7 @@ impl FlightTracker {
         frame: &Frame<'_>,
         around: BBox,
     ) -> Result<Option<(BBox, Evidence)>, TrackError> {
-        self.tracker.look(frame, around.center(), 1.0)?;
+        self.tracker.look(frame, around.center(), 1.0, 0.0)?;
         Ok(self.judge(false).map(|finding| (finding.bbox.corner(), finding.evidence)))
     }
 

@@ -79,6 +79,30 @@ pub struct Image {
 }
 
 impl Image {
+    /// One headerless frame, as cameras deliver them, with YUV (limited range) turned into RGB in `buffer`.
+    ///
+    /// # Errors
+    /// If the format's sizes are out of bounds or `bytes` ends before the frame does.
+    pub fn from_raw(raw: RawFormat, bytes: &[u8], mut buffer: Vec<u8>) -> Result<Image, String> {
+        let expected = raw.frame_bytes()?;
+        let bytes = bytes
+            .get(..expected)
+            .ok_or_else(|| format!("a frame of {} bytes, expected {expected}", bytes.len()))?;
+        let order = match raw.ready() {
+            Some(order) => {
+                buffer.clear();
+                buffer.extend_from_slice(bytes);
+                order
+            }
+            None => {
+                buffer.resize(3 * raw.width * raw.height, 0);
+                raw.yuv_to_rgb(pixels::Range::Limited, bytes, &mut buffer);
+                ChannelOrder::Rgb
+            }
+        };
+        Ok(Image { data: buffer, width: raw.width, height: raw.height, order, name: None })
+    }
+
     /// The picture as the tracker wants it.
     ///
     /// # Panics

@@ -36,6 +36,12 @@ Start here:
 pub enum Command {
     /// Follow the object inside a box through images, a video or a stream.
     Track(TrackArgs),
+    /// Run live: a camera or stream in; boxes, MAVLink and a web page out.
+    #[cfg(feature = "serve")]
+    Serve(Box<crate::serve::args::ServeArgs>),
+    /// Do a flight that `serve --log` wrote down again and compare every box.
+    #[cfg(feature = "serve")]
+    Replay(crate::serve::args::ReplayArgs),
     /// Render a UAV flight, track it and show the result.
     Demo(DemoArgs),
     /// Show a model's layers, shapes, parameters and multiply-accumulates.
@@ -384,7 +390,7 @@ fn isa(text: &str) -> Result<Isa, String> {
     Isa::from_name(text).map_err(|error| error.to_string())
 }
 
-fn bbox(text: &str) -> Result<BBox, String> {
+pub(crate) fn bbox(text: &str) -> Result<BBox, String> {
     let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[x, y, w, h]) if BBox::new(x, y, w, h).is_finite() => Ok(BBox::new(x, y, w, h)),
@@ -403,12 +409,12 @@ fn overlay(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-fn size(text: &str) -> Result<(usize, usize), String> {
+pub(crate) fn size(text: &str) -> Result<(usize, usize), String> {
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     sides.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".into())
 }
 
-fn pixel_format(text: &str) -> Result<PixelFormat, String> {
+pub(crate) fn pixel_format(text: &str) -> Result<PixelFormat, String> {
     let names = || PixelFormat::NAMES.map(|(name, _)| name).join(", ");
     PixelFormat::from_name(text).ok_or_else(|| format!("expected one of: {}", names()))
 }

@@ -63,6 +63,14 @@ pub enum Failure {
     /// A rendered frame is none.
     #[error("rendered frame: {0}")]
     Rendered(#[from] FrameError),
+    /// A flight log cannot be used.
+    #[error("{log}: {reason}")]
+    Log {
+        /// Which one, and where in it.
+        log: String,
+        /// What was expected and found.
+        reason: String,
+    },
     /// Whoever read our output has gone: a quiet end.
     #[error("standard output was closed")]
     ClosedPipe,
@@ -86,7 +94,7 @@ impl Failure {
     pub fn exit(&self) -> ExitCode {
         let code = match self {
             Failure::ClosedPipe => return ExitCode::SUCCESS,
-            Failure::Input(_) | Failure::Frame { .. } => INPUT,
+            Failure::Input(_) | Failure::Frame { .. } | Failure::Log { .. } => INPUT,
             Failure::Model(_) => MODEL,
             Failure::Output { .. } => OUTPUT,
             Failure::Target(_) => TARGET,

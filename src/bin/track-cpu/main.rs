@@ -14,6 +14,8 @@ mod machine;
 mod overlay;
 mod report;
 mod selftest;
+#[cfg(feature = "serve")]
+mod serve;
 mod sheet;
 mod statistics;
 mod track;
@@ -31,6 +33,10 @@ fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Bench(args) if args.worker => worker::run(&args),
         Command::Bench(args) => bench::run(&args),
+        #[cfg(feature = "serve")]
+        Command::Serve(args) => serve::run(&args),
+        #[cfg(feature = "serve")]
+        Command::Replay(args) => serve::replay::run(&args),
         Command::Trax(args) => trax::run(&args),
         Command::Doctor(args) => doctor::run(&args),
     };

@@ -10,7 +10,7 @@ use crate::flights::{GONE, OFF, VISIBLE, bbox, each_seed, is_on, play};
 use crate::{Failure, FlightArgs};
 
 /// Frames off a visible target before it is shown to the tracker again.
-const OFF_FRAMES: u32 = 25;
+const OFF_FRAMES: u32 = 60;
 /// Frames between looks elsewhere.
 const LOOK_EVERY: usize = 5;
 

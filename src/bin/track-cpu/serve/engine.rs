@@ -1,0 +1,54 @@
+//! The tracker of `serve` and `replay`: one way to run a frame, so that both do exactly the same.
+
+use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
+use track_cpu::{BBox, Frame, Model, State, TrackError};
+
+use super::args::Mode;
+use super::report::Tracked;
+use crate::exit::Failure;
+
+/// A tracker that may have no target.
+pub struct Engine {
+    tracker: FlightTracker,
+    mode: Mode,
+}
+
+impl Engine {
+    /// # Errors
+    /// If the model's presence coefficients are wrong.
+    pub fn new(model: Model, threads: usize, mode: Mode) -> Result<Engine, Failure> {
+        let options = FlightOptions { threads, recover: mode == Mode::Flight, ..FlightOptions::new(&model) };
+        let tracker = FlightTracker::new(model, options)
+            .map_err(|error| Failure::Log { log: "weights file".into(), reason: error.to_string() })?;
+        Ok(Engine { tracker, mode })
+    }
+
+    /// Takes a target.
+    ///
+    /// # Errors
+    /// If the box is none or lies outside the frame; an earlier target is kept.
+    pub fn start(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<Tracked, TrackError> {
+        self.tracker.init(frame, bbox)?;
+        let state = State::Tracking;
+        Ok(Tracked { bbox, presence: Some(1.0), score: 1.0, state, searches: 0, candidates: Vec::new() })
+    }
+
+    /// Forgets the target.
+    pub fn stop(&mut self) {
+        self.tracker.stop();
+    }
+
+    /// Follows the target, if there is one.
+    pub fn follow(&mut self, frame: &Frame<'_>, budget: Budget) -> Option<Tracked> {
+        let track = self.tracker.update(frame, budget).ok()?;
+        let paper = self.mode == Mode::Paper;
+        Some(Tracked {
+            bbox: track.bbox,
+            presence: (!paper).then_some(track.presence),
+            score: track.score,
+            state: if paper { State::Tracking } else { track.state },
+            searches: track.searches,
+            candidates: self.tracker.candidates().to_vec(),
+        })
+    }
+}
