@@ -47,7 +47,10 @@ pub fn prune(args: &args::Prune) -> Result<(), Error> {
     };
     source.unfold(&compute(threads)?, &dataset, 1);
     let ranks = Ranks::measure(&source, &dataset, args.pairs, threads)?;
-    let pruned = prune_by_rank(&source, &ranks, &targets)?;
+    let mut pruned = prune_by_rank(&source, &ranks, &targets)?;
+    if !args.data.data.is_empty() {
+        pruned.fit.train_on(args.data.data.clone(), args.data.options()?);
+    }
     pruned.fit.save(&args.out)?;
     println!("{pruned}{}", args.out.display());
     Ok(())
@@ -69,7 +72,7 @@ pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
 pub fn ablate(args: &args::Ablate) -> Result<(), Error> {
     let run = args.behaviour.run_options(&args.out, f64::MAX)?;
     let options = args::comparable(args.training.options(None, args.data.seed)?)?;
-    let study = ablation(&options, &args.data.data, &args.data.options()?, &args.seeds);
+    let study = ablation(&options, &args.data.data, &args.data.options()?, &args.seeds, &args.variants);
     finish(&study, &run)
 }
 

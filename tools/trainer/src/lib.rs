@@ -1,4 +1,14 @@
 //! Trains, prunes and exports the DR-MIM tracker on a CPU.
+//!
+//! | what | where |
+//! |---|---|
+//! | pairs of crops from videos, stills and rendered flights | [`data`], [`targets`] |
+//! | the network in training, its losses, first values, folding | [`network`] |
+//! | the loop, checkpoints, ways in and out of files | [`fit`] |
+//! | accuracy, with the real tracker | [`validate`] |
+//! | smaller networks by rank | [`prune`] |
+//! | runs that are compared: ratios, parts of the method | [`study`] |
+//! | pictures of all that | [`show`], [`plot`] |
 
 #![forbid(unsafe_code)]
 

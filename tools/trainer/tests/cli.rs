@@ -153,6 +153,81 @@ fn what_makes_no_sense_is_refused() {
 }
 
 #[test]
+fn bad_data_are_named_and_counted() {
+    let folder = Folder::new("bad");
+    let (out, bad, sequences) = (folder.at("out"), folder.at("bad.csv"), folder.at("sequences"));
+    let mut rows =
+        String::from("path,x,y,w,h\nmissing.png,1,1,9,9\n0.png,NaN,1,9,9\n0.png,1,1,0,9\n0.png,1,1\n");
+    for i in 0..4 {
+        // Half a picture.
+        let bytes = std::fs::read(folder.at(&format!("{i}.png"))).unwrap();
+        std::fs::write(folder.at(&format!("half{i}.png")), &bytes[..bytes.len() / 2]).unwrap();
+        rows += &format!("{i}.png,30,40,30,25\nhalf{i}.png,30,40,30,25\n");
+    }
+    std::fs::write(&bad, &rows).unwrap();
+    for (name, boxes) in [("good", "30,40,30,25\nNaN,NaN,NaN,NaN\n"), ("short", "30,40,30,25\n30,40,30\n")] {
+        let sequence = Path::new(&sequences).join(name);
+        std::fs::create_dir_all(sequence.join("img")).unwrap();
+        for i in 0..2 {
+            std::fs::copy(folder.at(&format!("{i}.png")), sequence.join(format!("img/{i}.png"))).unwrap();
+        }
+        std::fs::write(sequence.join("groundtruth_rect.txt"), boxes).unwrap();
+    }
+    let fit = |more: &[&str]| train(&["fit", "--out", &out]).args(more).args(TINY).output().unwrap();
+    let output = fit(&["--data", &bad, "--data", &sequences]);
+    succeed(&output);
+    let stderr = text(&output.stderr);
+    for expected in [
+        "bad.csv:2: picture",
+        "missing.png is missing",
+        "bad.csv:3: x is NaN",
+        "bad.csv:4: box of 0 x 9 pixels",
+        "bad.csv:5: 3 columns, expected 5",
+        "skipped 4 in all",
+        "line 2: expected x,y,w,h, found \"30,40,30\"",
+        "skipped 1 in all",
+        "half0.png",
+        "4 pictures could not be read and were left out",
+    ] {
+        assert!(stderr.contains(expected), "{expected:?} is not in {stderr}");
+    }
+
+    // Nothing but half pictures, and half a checkpoint.
+    let only: String = rows
+        .lines()
+        .filter(|line| !line.contains(".png") || line.starts_with("half"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    std::fs::write(&bad, only).unwrap();
+    let output = fit(&["--data", &bad]);
+    assert!(
+        text(&output.stderr).contains("readable picture, found none (4 skipped)"),
+        "{}",
+        text(&output.stderr)
+    );
+    assert_eq!(output.status.code(), Some(4));
+    let checkpoint = Path::new(&out).join("final.safetensors");
+    let bytes = std::fs::read(&checkpoint).unwrap();
+    std::fs::write(&checkpoint, &bytes[..bytes.len() / 2]).unwrap();
+    let checkpoint = checkpoint.display().to_string();
+    let data = folder.at("boxes.csv");
+    for args in [
+        &["fit", "--out", &out, "--resume", &checkpoint][..],
+        &["fit", "--out", &out, "--data", &data, "--init", &checkpoint],
+        &["prune", &checkpoint, "--out", &out],
+        &["export", &checkpoint, "--out", &out],
+    ] {
+        let output = train(args).output().unwrap();
+        assert_eq!(output.status.code(), Some(4), "{args:?}: {}", text(&output.stderr));
+        assert!(
+            text(&output.stderr).contains("final.safetensors: expected a training checkpoint"),
+            "{args:?}: {}",
+            text(&output.stderr)
+        );
+    }
+}
+
+#[test]
 fn pruned_networks_train_on_and_are_compared() {
     let folder = Folder::new("prune");
     let (data, run, pruned) = (folder.at("boxes.csv"), folder.at("run"), folder.at("pruned.safetensors"));
@@ -188,6 +263,8 @@ fn pruned_networks_train_on_and_are_compared() {
         cells("backbone.conv1")[3].parse::<f64>().unwrap() >= cells("backbone.conv1")[4].parse().unwrap()
     );
     prune(&[&weights, "--data", &data]);
+    let position = trainer::fit::Fit::resume(Path::new(&pruned)).unwrap().position().clone();
+    assert_eq!((position.step, &position.data[..]), (0, &[data.clone()][..]), "a run that has not begun");
 
     let next = folder.at("next");
     let fit = train(&["fit", "--data", &data, "--out", &next, "--init", &pruned, "--steps", "2"])

@@ -5,6 +5,7 @@ use super::{Behaviour, Data, Training, wrong};
 use std::path::PathBuf;
 use trainer::Error;
 use trainer::fit::{Budget, FitOptions};
+use trainer::study::VARIANTS;
 
 #[derive(Debug, clap::Args)]
 pub struct Sweep {
@@ -38,6 +39,9 @@ pub struct Ablate {
     /// A run of each variant for each of these seeds (in place of --seed)
     #[arg(long, value_delimiter = ',', default_values_t = [1, 2])]
     pub seeds: Vec<u64>,
+    /// What to train: with everything, or without a part
+    #[arg(long, value_delimiter = ',', value_parser = VARIANTS, default_values = VARIANTS)]
+    pub variants: Vec<String>,
     #[command(flatten)]
     pub training: Training,
     #[command(flatten)]

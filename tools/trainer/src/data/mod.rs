@@ -113,6 +113,9 @@ enum Source {
     Paste(Vec<PictureId>),
 }
 
+/// How often another pair is drawn when a picture cannot be read.
+const TRIES: usize = 1000;
+
 /// Two views of one target.
 struct Pair {
     first: View,
@@ -127,7 +130,7 @@ impl Dataset {
     /// Opens all sources. What is skipped on the way is printed to standard error.
     ///
     /// # Errors
-    /// If a source cannot be read, or nothing of it can be used.
+    /// If a source cannot be read, or nothing of it can be used, or no picture of it can be read.
     pub fn open(specs: &[DataSpec], options: DataOptions) -> Result<Dataset, Error> {
         if specs.is_empty() {
             return Err(Error::option("--data", "at least one source", "none"));
@@ -149,7 +152,26 @@ impl Dataset {
         let material = (0..album.len() as u32).map(PictureId).collect();
         let names = specs.iter().map(DataSpec::to_string).collect();
         let cumulative = running(specs.iter().map(|spec| spec.share));
-        Ok(Dataset { options, album, sources, names, cumulative, material })
+        let dataset = Dataset { options, album, sources, names, cumulative, material };
+        for (source, spec) in dataset.sources.iter().zip(specs) {
+            if !dataset.is_readable(source) {
+                let (data, what) = (spec.to_string(), "readable picture".to_owned());
+                return Err(Error::NoData { data, what, skipped: dataset.unreadable() });
+            }
+        }
+        Ok(dataset)
+    }
+
+    /// Whether a pair can be made of a source, within a good number of tries.
+    fn is_readable(&self, source: &Source) -> bool {
+        let mut rng = Rng::new(self.options.seed, 0x7e57, 0);
+        matches!(source, Source::Flights(_))
+            || (0..TRIES).any(|_| self.pair_of(source, 0, &mut rng).is_some())
+    }
+
+    /// How many picture files turned out not to be readable so far.
+    pub fn unreadable(&self) -> usize {
+        self.album.unreadable()
     }
 
     /// The sources as the user wrote them.
@@ -164,7 +186,7 @@ impl Dataset {
 
     /// Sample number `index`, with a search crop of `search_size` pixels.
     ///
-    /// Panics if not one picture of the sources can be read any more.
+    /// Panics if the pictures of the sources cannot be read any more; when they were opened, some could.
     pub fn sample(&self, index: u64, search_size: usize) -> Sample {
         let mut rng = Rng::new(self.options.seed, 0xda7a, index);
         let negative = rng.chance(self.options.negatives);
@@ -190,13 +212,13 @@ impl Dataset {
     /// Two views of one target and the number of their source. A source that fails (a picture that cannot be read) is
     /// asked again, and others after it.
     fn pair(&self, index: u64, rng: &mut Rng) -> (usize, Pair) {
-        for _ in 0..1000 {
+        for _ in 0..TRIES {
             let source = rng.weighted(&self.cumulative);
             if let Some(pair) = self.pair_of(&self.sources[source], index, rng) {
                 return (source, pair);
             }
         }
-        panic!("no readable picture in 1000 tries");
+        panic!("no readable picture in {TRIES} tries");
     }
 
     fn pair_of(&self, source: &Source, index: u64, rng: &mut Rng) -> Option<Pair> {

@@ -185,6 +185,9 @@ impl Fit {
             }
         }
         drop(feed);
+        if dataset.unreadable() > 0 {
+            reporter.say(&format!("{} pictures could not be read and were left out", dataset.unreadable()));
+        }
         self.save(&run.out.join("checkpoint.safetensors"))?;
         self.finish(&compute, dataset, run, &mut reporter)
     }

@@ -98,6 +98,12 @@ impl Fit {
         Ok(fit)
     }
 
+    /// Says what a run that has not begun trains on.
+    pub fn train_on(&mut self, data: Vec<String>, data_options: DataOptions) {
+        self.position.data = data;
+        self.position.data_options = data_options;
+    }
+
     /// Takes over another network's parameters that have the same name and shape; the names of those that have not.
     pub fn take_over(&mut self, other: &Fit) -> Vec<String> {
         let mut fresh = Vec::new();

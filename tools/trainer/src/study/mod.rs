@@ -9,7 +9,7 @@ mod tests;
 mod variants;
 
 pub use table::{json, markdown, svg};
-pub use variants::{ablation, sweep};
+pub use variants::{VARIANTS, ablation, sweep};
 
 use crate::data::{DataOptions, Dataset};
 use crate::error::Error;

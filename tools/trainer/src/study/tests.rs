@@ -75,7 +75,7 @@ fn done_runs_are_skipped_and_others_go_on() {
     let folder = Folder::new("study");
     let data = vec!["scenes:1".to_owned()];
     let data_options = DataOptions { pairs_per_flight: 1e6, ..DataOptions::default() };
-    let study = ablation(&tiny(), &data, &data_options, &[1]);
+    let study = ablation(&tiny(), &data, &data_options, &[1], &VARIANTS.map(String::from));
     let names: Vec<_> = study.variants.iter().map(Variant::name).collect();
     assert_eq!(names, ["full-seed1", "no-mi-seed1", "no-identity-seed1", "no-encoder-seed1"]);
     let run = run_options(folder.path());

@@ -52,10 +52,19 @@ pub fn sweep(
     Ok(Study { title: "ratio".into(), data: data.to_vec(), variants })
 }
 
-/// The same network, once with everything and once without each part of DR-MIM, from nothing, with the same options and
-/// pairs for each of some seeds: `full`, `no-mi` (no mutual-information losses), `no-identity` (no identity loss),
-/// `no-encoder` (no E1, no E2, and so none of their losses).
-pub fn ablation(options: &FitOptions, data: &[String], data_options: &DataOptions, seeds: &[u64]) -> Study {
+/// What [`ablation`] can train: everything; without the mutual-information losses; without the identity loss; without E1, E2
+/// and so all of their losses.
+pub const VARIANTS: [&str; 4] = ["full", "no-mi", "no-identity", "no-encoder"];
+
+/// The same network, with everything or without a part of DR-MIM, from nothing, with the same options and pairs for each
+/// of some seeds. `groups` are some of [`VARIANTS`].
+pub fn ablation(
+    options: &FitOptions,
+    data: &[String],
+    data_options: &DataOptions,
+    seeds: &[u64],
+    groups: &[String],
+) -> Study {
     let variant = |group: &str, seed: u64| {
         let mut options = FitOptions { seed, ..options.clone() };
         if matches!(group, "no-mi" | "no-encoder") {
@@ -70,7 +79,7 @@ pub fn ablation(options: &FitOptions, data: &[String], data_options: &DataOption
         let data_options = DataOptions { seed, ..data_options.clone() };
         Variant { group: group.into(), options, data_options, start: None }
     };
-    let groups = ["full", "no-mi", "no-identity", "no-encoder"];
-    let variants = seeds.iter().flat_map(|seed| groups.map(|group| variant(group, *seed))).collect();
+    let of_seed = |seed: &u64| groups.iter().map(|group| variant(group, *seed)).collect::<Vec<_>>();
+    let variants = seeds.iter().flat_map(of_seed).collect();
     Study { title: "variant".into(), data: data.to_vec(), variants }
 }
