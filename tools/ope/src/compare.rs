@@ -122,6 +122,7 @@ impl Comparison {
             title: "Precision",
             x: "centre error threshold [px]",
             y: "rate of frames",
+            x_min: 0.0,
             x_max: (PRECISION_BINS - 1) as f64,
             y_max: 1.0,
         };
@@ -134,8 +135,14 @@ impl Comparison {
 
     /// Rate of frames above each overlap; the legend says the area under the curve.
     pub fn success_plot(&self) -> String {
-        let axes =
-            Axes { title: "Success", x: "overlap threshold", y: "rate of frames", x_max: 1.0, y_max: 1.0 };
+        let axes = Axes {
+            title: "Success",
+            x: "overlap threshold",
+            y: "rate of frames",
+            x_min: 0.0,
+            x_max: 1.0,
+            y_max: 1.0,
+        };
         let series = self.series(|score| {
             let points = (0..SUCCESS_BINS).map(|i| (Curves::overlap_threshold(i), score.curves.success[i]));
             (score.auc, points.collect())
@@ -143,10 +150,12 @@ impl Comparison {
         plot::lines(&axes, &series, true)
     }
 
-    /// Precision over speed (got10k's mean of rates); `None` if no tracker has times.
+    /// Precision over speed (frames / total time), on a logarithmic axis where speeds are far apart; `None` if no tracker
+    /// has times.
     pub fn speed_plot(&self) -> Option<String> {
-        let rates = self.trackers.iter().map(|tracker| tracker.speed.map(|speed| speed.mean_of_rates));
+        let rates = self.trackers.iter().map(|tracker| tracker.speed.map(|speed| speed.frames_per_time));
         let fastest = rates.clone().flatten().fold(0.0, f64::max);
+        let slowest = rates.clone().flatten().fold(f64::INFINITY, f64::min);
         let point = |((tracker, score), rate): ((&Evaluation, &Score), Option<f64>)| Series {
             label: tracker.tracker.clone(),
             points: rate.map(|rate| (rate, score.precision)).into_iter().collect(),
@@ -154,8 +163,9 @@ impl Comparison {
         let series: Vec<Series> = self.trackers.iter().zip(&self.scores).zip(rates).map(point).collect();
         let axes = Axes {
             title: "Precision and speed",
-            x: "frames per second (mean of rates)",
+            x: "frames per second (frames / total time)",
             y: "precision at 20 px [%]",
+            x_min: if fastest > FAR_APART * slowest { nice(slowest / 5.0) } else { 0.0 },
             x_max: nice(fastest),
             y_max: 100.0,
         };
@@ -182,6 +192,9 @@ impl Comparison {
         self.trackers.iter().zip(&self.scores).map(one).collect()
     }
 }
+
+/// How many times as fast as the slowest the fastest tracker is for the axis of speed to be logarithmic.
+const FAR_APART: f64 = 8.0;
 
 /// The next round number.
 fn nice(value: f64) -> f64 {

@@ -20,7 +20,9 @@ pub struct Axes<'a> {
     pub x: &'a str,
     /// Beside it.
     pub y: &'a str,
-    /// The right end of the horizontal axis, which starts at 0.
+    /// The left end of the horizontal axis: 0, or above 0 for a logarithmic one.
+    pub x_min: f64,
+    /// The right end of the horizontal axis.
     pub x_max: f64,
     /// The upper end of the vertical axis, which starts at 0.
     pub y_max: f64,
@@ -30,7 +32,7 @@ const WIDTH: f64 = 560.0;
 const HEIGHT: f64 = 400.0;
 const LEFT: f64 = 58.0;
 const TOP: f64 = 38.0;
-const INNER_WIDTH: f64 = WIDTH - LEFT - 16.0;
+const INNER_WIDTH: f64 = WIDTH - LEFT - 22.0;
 const INNER_HEIGHT: f64 = HEIGHT - TOP - 52.0;
 
 /// Colours that are told apart by most eyes (Okabe and Ito), then repeated with dashes.
@@ -68,7 +70,7 @@ pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
         for p in &point.points {
             let at = place(axes, *p);
             let (x, y) = at.split_once(',').unwrap_or(("0", "0"));
-            let end = p.0 > axes.x_max * 0.7;
+            let end = along(axes, p.0) > 0.7;
             let (anchor, offset) = if end { ("end", -9) } else { ("start", 9) };
             let _ = writeln!(
                 svg,
@@ -158,20 +160,26 @@ fn open(title: &str) -> String {
 /// Title, grid, numbers and labels.
 fn frame(axes: &Axes<'_>) -> String {
     let mut svg = open(axes.title);
-    for i in 0..=5 {
-        let part = f64::from(i) / 5.0;
-        let (x, y) = (LEFT + INNER_WIDTH * part, TOP + INNER_HEIGHT * (1.0 - part));
-        let (right, bottom) = (LEFT + INNER_WIDTH, TOP + INNER_HEIGHT);
+    let (right, bottom) = (LEFT + INNER_WIDTH, TOP + INNER_HEIGHT);
+    for value in ticks(axes.x_min, axes.x_max) {
+        let x = LEFT + INNER_WIDTH * along(axes, value);
         let _ = writeln!(
             svg,
-            "<path d=\"M{LEFT} {y}H{right}M{x} {TOP}V{bottom}\" class=\"grid\"/>\
-             <text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{}</text>\
-             <text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
+            "<path d=\"M{x:.1} {TOP}V{bottom}\" class=\"grid\"/>\
+             <text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
             bottom + 17.0,
-            tick(axes.x_max * part),
+            tick(value)
+        );
+    }
+    for value in ticks(0.0, axes.y_max) {
+        let y = bottom - INNER_HEIGHT * value / axes.y_max;
+        let _ = writeln!(
+            svg,
+            "<path d=\"M{LEFT} {y:.1}H{right}\" class=\"grid\"/>\
+             <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             LEFT - 7.0,
             y + 4.0,
-            tick(axes.y_max * part)
+            tick(value)
         );
     }
     let _ = writeln!(
@@ -187,13 +195,34 @@ fn frame(axes: &Axes<'_>) -> String {
     svg
 }
 
+/// Where numbers stand on an axis: five steps, or 1, 2, 5, 10 ... on a logarithmic one.
+fn ticks(min: f64, max: f64) -> Vec<f64> {
+    if min <= 0.0 {
+        return (0..=5).map(|i| max * f64::from(i) / 5.0).collect();
+    }
+    let decades = (max / min).log10();
+    let steps: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let powers = min.log10().floor() as i32..=max.log10().ceil() as i32;
+    let all = powers.flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)));
+    all.filter(|value| (min * 0.999..=max * 1.001).contains(value)).collect()
+}
+
+/// Where a value lies on the horizontal axis, from 0 to 1.
+fn along(axes: &Axes<'_>, x: f64) -> f64 {
+    let part = match axes.x_min > 0.0 {
+        true => (x / axes.x_min).ln() / (axes.x_max / axes.x_min).ln(),
+        false => x / axes.x_max,
+    };
+    part.clamp(0.0, 1.0)
+}
+
 fn tick(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 fn place(axes: &Axes<'_>, (x, y): (f64, f64)) -> String {
-    let x = LEFT + INNER_WIDTH * (x / axes.x_max).clamp(0.0, 1.0);
+    let x = LEFT + INNER_WIDTH * along(axes, x);
     format!("{x:.1},{:.1}", TOP + INNER_HEIGHT * (1.0 - (y / axes.y_max).clamp(0.0, 1.0)))
 }
 
@@ -225,12 +254,21 @@ mod tests {
 
     #[test]
     fn curves_stay_inside_and_names_are_escaped() {
-        let axes = Axes { title: "t", x: "x", y: "y", x_max: 50.0, y_max: 1.0 };
+        let axes = Axes { title: "t", x: "x", y: "y", x_min: 0.0, x_max: 50.0, y_max: 1.0 };
         let series = [Series { label: "<a&b>".into(), points: vec![(0.0, 0.0), (50.0, 1.0), (99.0, 9.0)] }];
         let svg = lines(&axes, &series, false);
-        assert!(svg.contains("points=\"58.0,348.0 544.0,38.0 544.0,38.0\""), "{svg}");
+        assert!(svg.contains("points=\"58.0,348.0 538.0,38.0 538.0,38.0\""), "{svg}");
         assert!(svg.contains("&lt;a&amp;b&gt;") && svg.ends_with("</svg>\n"));
         assert!(points(&axes, &series).matches("<circle").count() == 3);
         assert!(radar("r", &["one".into(), "two".into(), "three".into()], &series).contains(">three</text>"));
+    }
+
+    #[test]
+    fn logarithmic_axes() {
+        let axes = Axes { title: "t", x: "x", y: "y", x_min: 1.0, x_max: 100.0, y_max: 1.0 };
+        assert_eq!([1.0, 10.0, 100.0, 0.0, 999.0].map(|x| along(&axes, x)), [0.0, 0.5, 1.0, 0.0, 1.0]);
+        assert_eq!(ticks(1.0, 100.0), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
+        assert_eq!(ticks(1.0, 1e5).len(), 6);
+        assert_eq!(ticks(0.0, 50.0), [0.0, 10.0, 20.0, 30.0, 40.0, 50.0]);
     }
 }

@@ -28,7 +28,7 @@ rows = []
 for experiment, title in [("baseline", "multi-start"), ("supervised", "supervised")]:
     accuracy, robustness = analysis(experiment, "ar")[:2]
     if experiment == "supervised":
-        robustness = f"{robustness:g} failures"
+        robustness = f"{robustness:.2f} failures"
     else:
         robustness = f"{robustness:.3f}"
     rows.append((title, f"{accuracy:.3f}", robustness, f"{analysis(experiment, 'eao')[0]:.3f}"))
@@ -44,7 +44,7 @@ sequences = report["sequences"]
 frames = sum(sequence["length"] for sequence in sequences.values())
 times = seconds("longterm")
 median = times[len(times) // 2]
-print(f"\n{len(sequences)} flights, {frames} frames; {1000 * median:.1f} ms a frame (median, at the client)\n")
+print(f"\n{len(sequences)} sequences, {frames} frames; {1000 * median:.1f} ms a frame (median, at the client)\n")
 print("| experiment | accuracy | robustness | EAO |\n|---|---|---|---|")
 for row in rows:
     print("| " + " | ".join(row) + " |")
