@@ -196,6 +196,19 @@ fn a_c_program_follows() {
 
 #[cfg(unix)]
 #[test]
+fn the_header_is_c_plus_plus_too() {
+    if has("c++") {
+        let checked = Command::new("c++")
+            .args(["-std=c++11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", "-x", "c++"])
+            .arg(source("include/track_cpu.h"))
+            .output()
+            .unwrap();
+        assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
+    }
+}
+
+#[cfg(unix)]
+#[test]
 fn python_follows() {
     let (Some(library), true) = (library(), has("python3")) else { return };
     let example = source("examples/track_cpu.py");

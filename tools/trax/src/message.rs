@@ -129,14 +129,22 @@ impl fmt::Display for Message {
 /// # Errors
 /// If the stream breaks, a line is longer than [`MAX_LINE`], or a message is not well formed.
 pub fn read(stream: &mut impl BufRead, line: &mut Vec<u8>) -> Result<Option<Message>, Error> {
+    read_within(MAX_LINE, stream, line)
+}
+
+fn read_within(
+    limit: usize,
+    stream: &mut impl BufRead,
+    line: &mut Vec<u8>,
+) -> Result<Option<Message>, Error> {
     loop {
         line.clear();
-        stream.by_ref().take(MAX_LINE as u64 + 1).read_until(b'\n', line)?;
+        stream.by_ref().take(limit as u64 + 1).read_until(b'\n', line)?;
         if line.is_empty() {
             return Ok(None);
         }
-        if line.len() > MAX_LINE {
-            return Err(Error::TooLong { limit: MAX_LINE });
+        if line.len() > limit {
+            return Err(Error::TooLong { limit });
         }
         if !line.starts_with(PREFIX.as_bytes()) {
             continue;
@@ -242,6 +250,9 @@ mod tests {
         let mut line = Vec::new();
         let mut next = || read(&mut stream, &mut line).unwrap().map(|message| message.kind);
         assert_eq!([next(), next(), next()], [Some(Kind::Frame), Some(Kind::Quit), None]);
+        let mut endless = std::io::BufReader::new(std::io::repeat(b'x'));
+        let error = read_within(1000, &mut endless, &mut line).unwrap_err();
+        assert!(matches!(error, Error::TooLong { limit: 1000 }) && line.len() == 1001);
         let error = read(&mut &b"@@TRAX:frame \xff\n"[..], &mut Vec::new()).unwrap_err().to_string();
         assert!(error.contains("UTF-8"), "{error}");
     }
