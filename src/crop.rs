@@ -2,9 +2,9 @@
 
 use crate::bbox::CenterBox;
 use crate::frame::Frame;
-use kernels::Size;
 use kernels::par::Threads;
-use kernels::resample::{Grid, Pixels, Tap, resample};
+use kernels::resample::{Grid, Pixels, Scratch, resample};
+use kernels::{Isa, Size};
 
 /// A square region of the frame and the crop it is resampled to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,7 +52,7 @@ impl Region {
 /// Cuts crops; keeps the scratch space that this needs.
 #[derive(Clone, Debug, Default)]
 pub struct Cropper {
-    columns: Vec<Tap>,
+    scratch: Scratch,
 }
 
 impl Cropper {
@@ -62,6 +62,7 @@ impl Cropper {
     /// Bilinear with exact weights, as OpenCV 5's `warpAffine` does it. Panics if `out` has not the crop's size.
     pub fn cut(
         &mut self,
+        isa: Isa,
         threads: &Threads,
         frame: &Frame<'_>,
         region: &Region,
@@ -75,8 +76,7 @@ impl Cropper {
             bytes_per_pixel: frame.order().bytes_per_pixel(),
             offsets: frame.order().bgr_offsets(),
         };
-        self.columns.resize(region.crop_side, Tap::default());
-        resample(threads, &pixels, border, &region.grid(), &mut self.columns, out);
+        resample(isa, threads, &pixels, border, &region.grid(), &mut self.scratch, out);
     }
 }
 
@@ -107,7 +107,7 @@ mod tests {
 
     fn cut(frame: &Frame<'_>, region: &Region, border: [u8; 3]) -> Vec<u8> {
         let mut out = vec![0; region.crop_side * region.crop_side * 3];
-        Cropper::default().cut(&Threads::new(1), frame, region, border, &mut out);
+        Cropper::default().cut(Isa::detect(), &Threads::new(1), frame, region, border, &mut out);
         out
     }
 

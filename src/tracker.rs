@@ -192,8 +192,9 @@ impl Tracker {
         let scale = crop::scale(w, h, self.config.context_amount, template_size);
         let region = Region::around(&target.bbox, scale, side);
         self.crop.resize(side * side * 3, 0);
+        let isa = self.network.model().isa();
         let (cropper, out, threads) = (&mut self.cropper, &mut self.crop, self.network.threads());
-        threads.enter(|| cropper.cut(threads, frame, &region, target.border, out));
+        threads.enter(|| cropper.cut(isa, threads, frame, &region, target.border, out));
         scale
     }
 

@@ -1,11 +1,13 @@
 //! Crop-and-resize: `out[j, i] = bilinear(image, x0 + step i, y0 + step j)`, each tap that lies outside the image replaced by
 //! a constant border; rounded to the nearest byte (spec section 2.2).
 //!
-//! Shapes: `u8 [h, w, 1..=4]` with a stride -> `u8 [D, D, 3]`. Cost: `3 D^2` samples of four taps, bound by the gather.
-//! The source coordinate of a column does not depend on the row, so it is computed once per column.
+//! Shapes: `u8 [h, w, 1..=4]` with a stride -> `u8 [D, D, 3]`. Cost: per output row one pass over the two source rows, which blends them
+//! into one, and `3 D` samples of two taps of that. A column's source coordinate is the same in every row, so it is
+//! computed once.
 
-use crate::Size;
 use crate::par::Threads;
+use crate::simd::{Kernel, Simd};
+use crate::{Isa, Size};
 
 /// An image as it lies in memory.
 #[derive(Clone, Copy, Debug)]
@@ -54,41 +56,77 @@ impl Tap {
     }
 }
 
-/// Samples `image` on `grid` into `out` (`[side, side, 3]`); `columns` is scratch space of `side` taps.
+/// What [`resample`] works in; grows to the largest crop and frame so far.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    columns: Vec<Tap>,
+    blended: Vec<f32>, // one source row per thread
+}
+
+/// Samples `image` on `grid` into `out` (`[side, side, 3]`).
 ///
 /// Panics if a length is not that of its shape, or if the image's rows do not lie within its data.
 pub fn resample(
+    isa: Isa,
     threads: &Threads,
     image: &Pixels<'_>,
     border: [u8; 3],
     grid: &Grid,
-    columns: &mut [Tap],
+    scratch: &mut Scratch,
     out: &mut [u8],
 ) {
     let Size { h, w } = image.size;
-    assert_eq!((columns.len(), out.len()), (grid.side, grid.side * grid.side * 3), "output of resample");
+    assert_eq!(out.len(), grid.side * grid.side * 3, "output of resample");
     assert!(image.offsets.iter().all(|o| *o < image.bytes_per_pixel), "channels of a pixel");
     assert!(h > 0 && w > 0 && image.data.len() >= (h - 1) * image.stride + w * image.bytes_per_pixel);
-    for (i, tap) in columns.iter_mut().enumerate() {
-        *tap = Tap::new(grid.x0 + grid.step * i as f64);
-    }
+    let Scratch { columns, blended } = scratch;
+    columns.clear();
+    columns.extend((0..grid.side).map(|i| Tap::new(grid.x0 + grid.step * i as f64)));
+    let row_len = w * image.bytes_per_pixel;
+    blended.resize(blended.len().max(row_len * threads.count()), 0.0);
+    let columns = &columns[..];
     let inner = inner_columns(columns, w);
-    threads.split_rows(out, grid.side * 3, |first_row, out| {
+    threads.split_rows_with(out, grid.side * 3, 1, blended, |first_row, out, blended| {
+        isa.run(Rows { image, border, grid, columns, inner: inner.clone(), first_row, blended, out });
+    });
+}
+
+/// Some rows of one crop.
+struct Rows<'a> {
+    image: &'a Pixels<'a>,
+    border: [u8; 3],
+    grid: &'a Grid,
+    columns: &'a [Tap],
+    inner: std::ops::Range<usize>, // columns that lie inside
+    first_row: usize,              // of the output, that `out` starts at
+    blended: &'a mut [f32],        // room for a source row
+    out: &'a mut [u8],
+}
+
+impl Kernel for Rows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Rows { image, border, grid, columns, inner, first_row, blended, out } = self;
+        let Size { h, w } = image.size;
         for (j, out) in out.chunks_exact_mut(grid.side * 3).enumerate() {
             let tap = Tap::new(grid.y0 + grid.step * (first_row + j) as f64);
             let row = |y: usize| &image.data[y * image.stride..][..w * image.bytes_per_pixel];
             let rows = tap.indices(h).map(|y| y.map(row));
-            let mut line = Line { image, border, rows, share: tap.share };
+            let line = Line { image, border, rows, share: tap.share };
             let (left, rest) = out.split_at_mut(inner.start * 3);
             let (middle, right) = rest.split_at_mut(inner.len() * 3);
             line.border(&columns[..inner.start], left);
             match rows {
-                [Some(top), Some(bottom)] => line.inner(&columns[inner.clone()], top, bottom, middle),
+                [Some(top), Some(bottom)] => {
+                    line.inner(&columns[inner.clone()], top, bottom, blended, middle)
+                }
                 _ => line.border(&columns[inner.clone()], middle),
             }
             line.border(&columns[inner.end..], right);
         }
-    });
+    }
 }
 
 /// The columns whose two pixels both lie within a row of `w`.
@@ -108,20 +146,26 @@ struct Line<'a> {
 
 impl Line<'_> {
     /// Columns that lie inside `top` and `bottom`.
-    fn inner(&self, columns: &[Tap], top: &[u8], bottom: &[u8], out: &mut [u8]) {
+    #[inline(always)]
+    fn inner(&self, columns: &[Tap], top: &[u8], bottom: &[u8], blended: &mut [f32], out: &mut [u8]) {
         let (bpp, [o0, o1, o2]) = (self.image.bytes_per_pixel, self.image.offsets);
+        let ([first, ..], [.., last]) = (columns, columns) else { return };
+        let origin = first.first as usize;
+        let span = origin * bpp..(last.first as usize + 2) * bpp;
+        let blended = &mut blended[..span.len()];
+        for ((value, top), bottom) in blended.iter_mut().zip(&top[span.clone()]).zip(&bottom[span]) {
+            *value = blend(f32::from(*top), f32::from(*bottom), self.share);
+        }
         for (tap, out) in columns.iter().zip(out.chunks_exact_mut(3)) {
-            let at = tap.first as usize * bpp;
-            let (top, bottom) = (&top[at..][..2 * bpp], &bottom[at..][..2 * bpp]);
+            let taps = &blended[(tap.first as usize - origin) * bpp..][..2 * bpp];
             for (value, o) in out.iter_mut().zip([o0, o1, o2]) {
-                let taps = [top[o], top[o + bpp], bottom[o], bottom[o + bpp]];
-                *value = blend(taps, tap.share, self.share);
+                *value = round(blend(taps[o], taps[o + bpp], tap.share));
             }
         }
     }
 
     /// Columns that may lie outside.
-    fn border(&mut self, columns: &[Tap], out: &mut [u8]) {
+    fn border(&self, columns: &[Tap], out: &mut [u8]) {
         let (bpp, w) = (self.image.bytes_per_pixel, self.image.size.w);
         for (tap, out) in columns.iter().zip(out.chunks_exact_mut(3)) {
             let [left, right] = tap.indices(w);
@@ -131,19 +175,22 @@ impl Line<'_> {
                     _ => border,
                 };
                 let [top, bottom] = self.rows;
-                let taps = [read(top, left), read(top, right), read(bottom, left), read(bottom, right)];
-                *value = blend(taps, tap.share, self.share);
+                let column = |x| blend(f32::from(read(top, x)), f32::from(read(bottom, x)), self.share);
+                *value = round(blend(column(left), column(right), tap.share));
             }
         }
     }
 }
 
-/// Bilinear blend of `[top left, top right, bottom left, bottom right]`, rounded to the nearest byte, ties to even.
+/// The value `share` of the way from `a` to `b`.
 #[inline(always)]
-fn blend(taps: [u8; 4], x: f32, y: f32) -> u8 {
-    let [a, b, c, d] = taps.map(f32::from);
-    let (top, bottom) = (a + (b - a) * x, c + (d - c) * x);
-    let value = top + (bottom - top) * y;
+fn blend(a: f32, b: f32, share: f32) -> f32 {
+    a + (b - a) * share
+}
+
+/// The nearest byte, ties to even, of a value in 0..=255.
+#[inline(always)]
+fn round(value: f32) -> u8 {
     // Adding 2^23 leaves the rounded value in the low bits of the float.
     (value + 8_388_608.0).to_bits() as u8
 }
@@ -180,18 +227,21 @@ mod tests {
                 Grid { x0: -1.0, y0: -1.0, step: 1.0, side: 12 },
                 Grid { x0: -1e12, y0: 1e12, step: 1e9, side: 5 },
             ] {
-                for count in [1, 3] {
+                for (isa, count) in Isa::available().into_iter().flat_map(|isa| [(isa, 1), (isa, 3)]) {
                     let threads = Threads::new(count);
                     let mut out = vec![0; grid.side * grid.side * 3];
-                    let mut columns = vec![Tap::default(); grid.side];
-                    threads.enter(|| resample(&threads, &image, border, &grid, &mut columns, &mut out));
+                    let mut scratch = Scratch::default();
+                    threads.enter(|| resample(isa, &threads, &image, border, &grid, &mut scratch, &mut out));
                     for (i, value) in out.iter().enumerate() {
                         let (pixel, channel) = (i / 3, i % 3);
                         let x = grid.x0 + grid.step * (pixel % grid.side) as f64;
                         let y = grid.y0 + grid.step * (pixel / grid.side) as f64;
                         let expected = reference::sample(&image, offsets[channel], x, y, border[channel]);
                         let error = (f64::from(*value) - expected).abs();
-                        assert!(error < 0.501, "{size:?} {grid:?} at {x},{y}: {value}, expected {expected}");
+                        assert!(
+                            error < 0.501,
+                            "{isa} {size:?} {grid:?} at {x},{y}: {value}, expected {expected}"
+                        );
                     }
                 }
             }
@@ -200,10 +250,9 @@ mod tests {
 
     #[test]
     fn rounds_to_even_and_keeps_constants() {
-        assert_eq!(blend([0, 1, 0, 1], 0.5, 0.0), 0);
-        assert_eq!(blend([1, 2, 1, 2], 0.5, 0.0), 2);
-        for v in [0, 1, 127, 254, 255] {
-            assert_eq!(blend([v; 4], 0.3, 0.7), v);
+        assert_eq!([0.5, 1.5, 2.5, 254.5, 255.0].map(round), [0, 2, 2, 254, 255]);
+        for v in [0.0, 1.0, 127.0, 254.0, 255.0] {
+            assert_eq!(blend(v, v, 0.3), v);
         }
     }
 }

@@ -48,28 +48,49 @@ impl Kernel for Correlate<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Correlate { search, size, template, template_size, channels, first_row, out } = self;
-        let width = size.w - template_size.w + 1;
-        for (y, row) in out.chunks_exact_mut(width * channels).enumerate() {
-            for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
-                for (v, out) in pixel.chunks_mut(S::LANES).enumerate() {
-                    let channel = v * S::LANES;
-                    let whole = out.len() == S::LANES;
-                    let load = |from: &[f32]| if whole { simd.load(from) } else { simd.load_partial(from) };
-                    let mut sum = simd.zero();
-                    for u in 0..template_size.h {
-                        let from = ((first_row + y + u) * size.w + x) * channels;
-                        let xs = search[from..][..template_size.w * channels].chunks_exact(channels);
-                        let zs = template[u * template_size.w * channels..].chunks_exact(channels);
-                        for (x, z) in xs.zip(zs) {
-                            sum = simd.mul_add(load(&x[channel..]), load(&z[channel..]), sum);
-                        }
-                    }
-                    if whole { simd.store(sum, out) } else { simd.store_partial(sum, out) }
+    fn run<S: Simd>(mut self, simd: S) {
+        let width = self.size.w - self.template_size.w + 1;
+        for y in 0..self.out.len() / (width * self.channels) {
+            for channel in (0..self.channels).step_by(S::LANES) {
+                let mut x = 0;
+                while x < width {
+                    x += match width - x {
+                        8.. => self.tile::<S, 8>(simd, y, x, channel),
+                        4.. => self.tile::<S, 4>(simd, y, x, channel),
+                        _ => self.tile::<S, 1>(simd, y, x, channel),
+                    };
                 }
             }
         }
+    }
+}
+
+impl Correlate<'_> {
+    /// One vector of channels at neighbouring pixels of row `y` of `out`, from `x` on: a template value is loaded once for
+    /// all of them. Returns how many they are.
+    #[inline(always)]
+    fn tile<S: Simd, const PIXELS: usize>(&mut self, simd: S, y: usize, x: usize, channel: usize) -> usize {
+        let Correlate { search, size, template, template_size, channels, .. } = *self;
+        let lanes = S::LANES.min(channels - channel);
+        let load = |from: &[f32]| if lanes == S::LANES { simd.load(from) } else { simd.load_partial(from) };
+        let mut sums = [simd.zero(); PIXELS];
+        for u in 0..template_size.h {
+            let row = &search[((self.first_row + y + u) * size.w + x) * channels + channel..];
+            let from = &template[u * template_size.w * channels + channel..];
+            for t in 0..template_size.w {
+                let z = load(&from[t * channels..][..lanes]);
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum = simd.mul_add(load(&row[(t + i) * channels..][..lanes]), z, *sum);
+                }
+            }
+        }
+        let width = size.w - template_size.w + 1;
+        let out = &mut self.out[(y * width + x) * channels + channel..];
+        for (i, sum) in sums.into_iter().enumerate() {
+            let out = &mut out[i * channels..][..lanes];
+            if lanes == S::LANES { simd.store(sum, out) } else { simd.store_partial(sum, out) }
+        }
+        PIXELS
     }
 }
 

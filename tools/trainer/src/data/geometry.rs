@@ -142,6 +142,7 @@ fn corners(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Corner
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kernels::Isa;
     use kernels::par::Threads;
     use track_cpu::crop::Cropper;
 
@@ -176,7 +177,14 @@ mod tests {
         let region = Region::around(&view.bbox.center(), scale, 127);
         let mut expected = vec![0; 127 * 127 * 3];
         let picture = &view.picture;
-        Cropper::default().cut(&Threads::new(1), &picture.frame(), &region, picture.border, &mut expected);
+        Cropper::default().cut(
+            Isa::detect(),
+            &Threads::new(1),
+            &picture.frame(),
+            &region,
+            picture.border,
+            &mut expected,
+        );
         let found = template(&view, Pose::default());
         let worst = found.iter().zip(&expected).map(|(a, b)| a.abs_diff(*b)).max();
         assert!(worst <= Some(1), "{worst:?}");

@@ -59,8 +59,8 @@ pub fn warp(picture: &Picture, grid: &Grid) -> Vec<u8> {
 #[inline(always)]
 pub(super) fn blend(taps: [u8; 4], x: f32, y: f32) -> u8 {
     let [a, b, c, d] = taps.map(f32::from);
-    let (top, bottom) = (a + (b - a) * x, c + (d - c) * x);
-    let value = top + (bottom - top) * y;
+    let (left, right) = (a + (c - a) * y, b + (d - b) * y);
+    let value = left + (right - left) * x;
     (value + 8_388_608.0).to_bits() as u8 // 2^23 leaves the rounded value in the low bits
 }
 
@@ -68,6 +68,7 @@ pub(super) fn blend(taps: [u8; 4], x: f32, y: f32) -> u8 {
 mod tests {
     use super::*;
     use crate::rng::Rng;
+    use kernels::Isa;
     use kernels::par::Threads;
     use track_cpu::bbox::CenterBox;
     use track_cpu::crop::{Cropper, Region, scale};
@@ -87,6 +88,7 @@ mod tests {
             let region = Region::around(&target, scale(f64::from(w), f64::from(h), 0.5, 127), side);
             let mut expected = vec![0; side * side * 3];
             Cropper::default().cut(
+                Isa::detect(),
                 &Threads::new(1),
                 &picture.frame(),
                 &region,
