@@ -43,6 +43,11 @@ impl Precision {
         if weights.header.calibration.is_some() && isa.has_dot() { Precision::Int8 } else { Precision::F32 }
     }
 
+    /// The precision called `name`, as [`name`](Self::name) gives it.
+    pub fn from_name(name: &str) -> Option<Precision> {
+        [Precision::F32, Precision::Int8].into_iter().find(|precision| precision.name() == name)
+    }
+
     /// Its name in reports and options.
     pub fn name(self) -> &'static str {
         match self {

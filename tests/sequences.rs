@@ -3,7 +3,7 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker, TrackerOptions};
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Tracker, TrackerOptions};
 
 /// Lines of four or more numbers.
 fn read_boxes(path: &Path) -> Vec<BBox> {
@@ -78,7 +78,21 @@ fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> (f32, f32) {
 #[test]
 fn accuracy_of_the_built_in_model() {
     let Some(root) = common::shared("data/dev_seqs") else { return };
-    let model = Model::builtin(Isa::detect());
+    let f32 = accuracy(&root, Precision::F32);
+    let int8 = accuracy(&root, Precision::Int8);
+    // Figures of the built-in model's checkpoint, measured by an independent tracker.
+    for (found, expected) in f32.into_iter().zip([94.1, 67.8, 92.1, 63.5]) {
+        assert!(found >= expected - 1.5, "found {found:.1}, expected at least {expected} - 1.5");
+    }
+    for (int8, f32) in int8.into_iter().zip(f32) {
+        assert!(int8 >= f32 - 0.5, "int8 gives {int8:.1}, f32 {f32:.1}");
+    }
+}
+
+/// Precision@20 and AUC of the built-in model in percent: over all sequences, and over those whose videos were not
+/// trained on.
+fn accuracy(root: &Path, precision: Precision) -> [f32; 4] {
+    let model = Model::with_precision(&Model::builtin_weights(), Isa::detect(), precision).unwrap();
     let (mut all, mut clean) = (Vec::new(), Vec::new());
     let folders = |path: &Path| -> Vec<PathBuf> {
         let mut list: Vec<_> = std::fs::read_dir(path).unwrap().map(|e| e.unwrap().path()).collect();
@@ -86,7 +100,7 @@ fn accuracy_of_the_built_in_model() {
         list.sort();
         list
     };
-    for sequence in folders(&root).iter().flat_map(|set| folders(set)) {
+    for sequence in folders(root).iter().flat_map(|set| folders(set)) {
         let meta = std::fs::read(sequence.join("meta.json")).unwrap();
         let meta: serde_json::Value = serde_json::from_slice(&meta).unwrap();
         let annotations = read_boxes(&sequence.join("groundtruth_rect.txt"));
@@ -94,7 +108,7 @@ fn accuracy_of_the_built_in_model() {
         let result = score(&boxes, &annotations, meta["scale"].as_f64().unwrap() as f32);
         println!(
             "{:32} {:6.1} {:6.1}",
-            sequence.strip_prefix(&root).unwrap().display(),
+            sequence.strip_prefix(root).unwrap().display(),
             result.0 * 100.0,
             result.1 * 100.0
         );
@@ -112,11 +126,12 @@ fn accuracy_of_the_built_in_model() {
     };
     let (all, clean) = (mean(&all), mean(&clean));
     println!(
-        "precision@20 / AUC: all {:.1} / {:.1}, dev-clean {:.1} / {:.1}",
-        all.0, all.1, clean.0, clean.1
+        "{}: precision@20 / AUC: all {:.1} / {:.1}, dev-clean {:.1} / {:.1}",
+        precision.name(),
+        all.0,
+        all.1,
+        clean.0,
+        clean.1
     );
-    // Figures of the built-in model's checkpoint, measured by an independent tracker.
-    for (found, expected) in [(all.0, 94.1), (all.1, 67.8), (clean.0, 92.1), (clean.1, 63.5)] {
-        assert!(found >= expected - 1.5, "found {found:.1}, expected at least {expected} - 1.5");
-    }
+    [all.0, all.1, clean.0, clean.1]
 }

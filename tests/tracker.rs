@@ -1,7 +1,7 @@
 //! The tracker's behaviour through its public face, on rendered frames.
 
 use track_cpu::error::TrackError;
-use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Track, Tracker, TrackerOptions};
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Track, Tracker, TrackerOptions};
 
 /// A frame of stripes with a bright cross whose middle is at (`cx`, `cy`).
 fn scene(width: usize, height: usize, cx: i64, cy: i64) -> Vec<u8> {
@@ -65,11 +65,14 @@ fn same_bits_with_any_number_of_threads_and_every_time() {
 
 #[test]
 fn every_isa_gives_the_same_boxes() {
-    let best = follow(&mut tracker(1), 6);
-    for isa in Isa::available() {
-        let boxes = follow(&mut Tracker::new(Model::builtin(isa)), 6);
-        for (a, b) in boxes.iter().zip(&best) {
-            assert!(a.bbox.iou(&b.bbox) > 0.999, "{isa}: {a:?}, expected {b:?}");
+    let weights = Model::builtin_weights();
+    for precision in [Precision::F32, Precision::Int8] {
+        let tracker = |isa| Tracker::new(Model::with_precision(&weights, isa, precision).unwrap());
+        let best = follow(&mut tracker(Isa::detect()), 6);
+        for isa in Isa::available() {
+            for (a, b) in follow(&mut tracker(isa), 6).iter().zip(&best) {
+                assert!(a.bbox.iou(&b.bbox) > 0.999, "{isa} {}: {a:?}, expected {b:?}", precision.name());
+            }
         }
     }
 }

@@ -1,13 +1,14 @@
 //! The command line: clap structs and the parsing of their values, nothing else.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand, ValueEnum};
 use kernels::conv::Algorithm;
 use scenes::Difficulty;
 use track_cpu::source::{PixelFormat, RawFormat};
-use track_cpu::{BBox, Isa, ModelError};
-use weights_format::{Architecture, Encoder, Weights, Widths};
+use track_cpu::{BBox, Isa, Model, ModelError, Precision};
+use weights_format::{Architecture, Calibration, Encoder, LayerKind, Range, Weights, Widths};
 
 /// Follows one object through video on a CPU.
 #[derive(Debug, Parser)]
@@ -62,13 +63,41 @@ pub struct EngineArgs {
     pub threads: usize,
     /// Instruction set, of those that `track-cpu doctor` lists [default: the fastest].
     #[arg(long, value_name = "NAME", value_parser = isa)]
-    isa: Option<Isa>,
+    pub isa: Option<Isa>,
+    /// Arithmetic of the network: f32, or int8 where the model is calibrated for it [default: int8 if the processor has
+    /// instructions for it and the model allows it].
+    #[arg(long, value_name = "NAME", value_parser = precision)]
+    pub precision: Option<Precision>,
 }
 
 impl EngineArgs {
     /// The instruction set asked for, or the fastest.
     pub fn isa(&self) -> Isa {
         self.isa.unwrap_or_else(Isa::detect)
+    }
+
+    /// The model of a weights file, or the built-in one.
+    pub fn model(&self, path: Option<&Path>) -> Result<Model, ModelError> {
+        self.model_of(&match path {
+            Some(path) => Weights::read(path)?,
+            None => Model::builtin_weights(),
+        })
+    }
+
+    /// Weights as they are to run.
+    pub fn model_of(&self, weights: &Weights) -> Result<Model, ModelError> {
+        let precision = self.precision.unwrap_or_else(|| Precision::best(weights, self.isa()));
+        Model::with_precision(weights, self.isa(), precision)
+    }
+
+    /// Random weights as they are to run; bytes only if asked for, with ranges out of the air.
+    pub fn random_model(&self, mut weights: Weights) -> Result<Model, ModelError> {
+        let layers = weights.header.architecture.layers().into_iter();
+        let convs = layers.filter(|layer| layer.kind == LayerKind::Conv && layer.kernel > 1);
+        let inputs: BTreeMap<_, _> =
+            convs.map(|layer| (layer.name, Range { low: -4.0, high: 4.0 })).collect();
+        weights.header.calibration = Some(Calibration { method: "none".into(), inputs });
+        Model::with_precision(&weights, self.isa(), self.precision.unwrap_or(Precision::F32))
     }
 }
 
@@ -300,10 +329,7 @@ pub struct BenchArgs {
     /// Measure nothing: say whether two files that --json wrote differ by more than noise.
     #[arg(long, value_names = ["BEFORE", "AFTER"], num_args = 2, conflicts_with_all = ["markdown", "worker"])]
     pub compare: Vec<PathBuf>,
-    /// Arithmetic of the network.
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
-    pub precision: Precision,
-    /// Algorithm of every convolution that it can compute: direct, im2col, winograd6 or winograd8 [default: the best
+    /// Algorithm of every convolution that it can compute, in f32: direct, im2col, winograd6 or winograd8 [default: the best
     /// for each].
     #[arg(long, value_name = "NAME", value_parser = algorithm)]
     pub algorithm: Option<Algorithm>,
@@ -313,13 +339,6 @@ pub struct BenchArgs {
     /// How the network is run.
     #[command(flatten)]
     pub engine: EngineArgs,
-}
-
-/// Arithmetic of the network.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Precision {
-    /// 32-bit floating point.
-    F32,
 }
 
 /// `trax`.
@@ -379,6 +398,10 @@ fn number_in(text: &str, least: usize, most: usize) -> Result<usize, String> {
         Ok(number) if (least..=most).contains(&number) => Ok(number),
         _ => Err(format!("expected a whole number from {least} to {most}")),
     }
+}
+
+fn precision(text: &str) -> Result<Precision, String> {
+    Precision::from_name(text).ok_or_else(|| format!("expected f32 or int8, found '{text}'"))
 }
 
 fn algorithm(text: &str) -> Result<Algorithm, String> {

@@ -12,8 +12,8 @@ use crate::exit::Failure;
 use crate::film::Film;
 use crate::overlay::Canvas;
 use crate::report::{print, progress, rounded};
+use crate::sheet;
 use crate::statistics::Times;
-use crate::{sheet, track};
 
 /// Pictures on the contact sheet.
 const PICTURES: usize = 12;
@@ -24,7 +24,7 @@ const PRECISE_PX: f32 = 20.0;
 
 /// Runs the sub-command.
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
-    let model = track::load(None, args.engine.isa())?;
+    let model = args.engine.model(None)?;
     let options = TrackerOptions { threads: args.engine.threads, config: model.config() };
     let mut tracker = Tracker::with_options(model, options);
     std::fs::create_dir_all(&args.out).map_err(|error| Failure::output(&args.out, error))?;

@@ -1,7 +1,7 @@
 //! The network's outputs on one pair of crops against golden numbers, on every instruction set.
 
 use track_cpu::net::{Network, Outputs};
-use track_cpu::{Isa, Model};
+use track_cpu::{Isa, Model, Precision};
 
 /// Outputs of the built-in model on [`crops`]: index of a cell, its score, its four offsets, per line.
 const GOLDEN: &str = include_str!("golden.txt");
@@ -48,7 +48,8 @@ pub fn golden() -> String {
 
 fn outputs(isa: Isa) -> Outputs {
     let (template, search) = crops();
-    let mut network = Network::new(Model::builtin(isa), 1);
+    let model = Model::with_precision(&Model::builtin_weights(), isa, Precision::F32);
+    let mut network = Network::new(model.expect("the built-in weights fit their architecture"), 1);
     network.set_template(&template);
     network.search(&search).clone()
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::ProgressBar;
 use serde_json::json;
 use track_cpu::source::{Input, Prefetch, Source};
-use track_cpu::{BBox, Isa, Model, Tracker, TrackerOptions};
+use track_cpu::{BBox, Tracker, TrackerOptions};
 
 use crate::args::TrackArgs;
 use crate::exit::Failure;
@@ -21,7 +21,7 @@ const AHEAD: usize = 3;
 
 /// Runs the sub-command.
 pub fn run(args: &TrackArgs) -> Result<(), Failure> {
-    let model = load(args.model.as_deref(), args.engine.isa())?;
+    let model = args.engine.model(args.model.as_deref())?;
     let input = Input { location: args.input.clone(), raw: args.raw(), start: args.start, end: args.end };
     let source = Source::open(&input)?;
     // On one terminal, boxes and a bar would overwrite each other.
@@ -82,14 +82,6 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
         summarise(args, &times, began.elapsed());
     }
     done.and(filmed)
-}
-
-/// The model of a file, or the built-in one.
-pub fn load(path: Option<&Path>, isa: Isa) -> Result<Model, Failure> {
-    match path {
-        Some(path) => Ok(Model::read(path, isa)?),
-        None => Ok(Model::builtin(isa)),
-    }
 }
 
 fn summarise(args: &TrackArgs, times: &[Duration], all: Duration) {

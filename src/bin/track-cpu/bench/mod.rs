@@ -8,7 +8,7 @@ mod report;
 use track_cpu::{Model, ModelError};
 use weights_format::Weights;
 
-use crate::args::{BenchArgs, Precision};
+use crate::args::BenchArgs;
 use crate::exit::Failure;
 use crate::report::{print, progress};
 use clip::Clip;
@@ -19,7 +19,6 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     if let [before, after] = &args.compare[..] {
         return compare::run(before, after, args.json);
     }
-    let Precision::F32 = args.precision;
     let model = model(args)?;
     let clip = Clip::render();
     let threads = if args.sweep { sweep() } else { Vec::new() };
@@ -36,14 +35,17 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
 
 /// The model that the arguments ask for.
 pub fn model(args: &BenchArgs) -> Result<Model, Failure> {
-    let weights = match (args.random.weights()?, &args.model) {
+    let random = args.random.weights()?;
+    let is_random = random.is_some();
+    let weights = match (random, &args.model) {
         (Some(weights), _) => weights,
         (None, Some(path)) => Weights::read(path).map_err(ModelError::from)?,
         (None, None) => Model::builtin_weights(),
     };
     Ok(match args.algorithm {
         Some(algorithm) => Model::with_algorithm(&weights, args.engine.isa(), algorithm)?,
-        None => Model::from_weights(&weights, args.engine.isa())?,
+        None if is_random => args.engine.random_model(weights)?,
+        None => args.engine.model_of(&weights)?,
     })
 }
 

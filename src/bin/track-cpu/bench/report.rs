@@ -182,7 +182,7 @@ impl Report<'_> {
             "macs": self.model.architecture().macs_search(),
             "isa": self.model.isa().name(),
             "threads": self.args.engine.threads,
-            "precision": "f32",
+            "precision": self.model.precision().name(),
             "model": self.model_name(),
             "layers": self.model.plan().iter().map(layer).collect::<Vec<_>>(),
             "peak_memory_mib": Self::peak_mib().map(|mib| rounded(mib, 1)),

@@ -31,7 +31,6 @@ use serde_json::json;
 use track_cpu::source::SourceError;
 
 use crate::exit::Failure;
-use crate::track;
 use args::{Mode, ServeArgs};
 use engine::Engine;
 use hub::{Command, Hub};
@@ -47,7 +46,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// Runs the sub-command.
 pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     let began = Instant::now();
-    let model = track::load(args.model.as_deref(), args.engine.isa())?;
+    let model = args.engine.model(args.model.as_deref())?;
     let input = args.input.display().to_string();
     let wrong = |reason: String| Failure::Input(SourceError::Format { input: input.clone(), reason });
     let feed = Feed::new(&args.input, args.raw_format(), args.raw).map_err(wrong)?;
@@ -59,6 +58,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         "model": args.model.as_ref().map(|path| path.display().to_string()),
         "weights": model.header().provenance.name,
         "isa": args.engine.isa().name(),
+        "precision": model.precision().name(),
         "mode": args.mode.name(),
     });
     let log =

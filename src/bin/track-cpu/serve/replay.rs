@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use scenes::{Flight, FrameBuffer};
 use serde_json::{Value, json};
 use track_cpu::source::{Image, Input, Source};
-use track_cpu::{BBox, ChannelOrder, Isa};
+use track_cpu::{BBox, ChannelOrder, Isa, Precision};
 
 use super::args::{Mode, ReplayArgs};
 use super::engine::Engine;
 use super::log::{self, Asked};
 use super::sources::parse_flight;
+use crate::args::EngineArgs;
 use crate::exit::Failure;
 use crate::report::print;
-use crate::track;
 use track_cpu::flight::Budget;
 
 /// Longest line of a log that is read.
@@ -35,7 +35,10 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let mode = text("mode").and_then(|name| Mode::from_name(&name));
     let mode = mode.ok_or_else(|| lines.wrong("names no known mode"))?;
     let path = args.model.clone().or_else(|| text("model").map(PathBuf::from));
-    let mut engine = Engine::new(track::load(path.as_deref(), isa)?, 1, mode)?;
+    let precision = text("precision").and_then(|name| Precision::from_name(&name));
+    let precision = precision.ok_or_else(|| lines.wrong("names no known precision"))?;
+    let engine_args = EngineArgs { threads: 1, isa: Some(isa), precision: Some(precision) };
+    let mut engine = Engine::new(engine_args.model(path.as_deref())?, 1, mode)?;
     let mut frames = match &args.frames {
         Some(folder) => Frames::Saved(folder.clone()),
         None => Frames::open(&text("input").unwrap_or_default(), &head, &lines)?,

@@ -11,12 +11,11 @@ use track_cpu::source::SourceError;
 
 use crate::args::TraxArgs;
 use crate::exit::Failure;
-use crate::track::load;
 use session::Session;
 
 /// Serves one session.
 pub fn run(args: &TraxArgs) -> Result<(), Failure> {
-    let model = load(args.model.as_deref(), args.engine.isa())?;
+    let model = args.engine.model(args.model.as_deref())?;
     let options = TrackerOptions { threads: args.engine.threads, config: model.config() };
     match std::env::var("TRAX_SOCKET") {
         Ok(port) => {
