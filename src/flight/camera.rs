@@ -14,6 +14,8 @@ const SAMPLES: usize = 4;
 /// Largest shift that the coarse search considers, in coarse cells.
 const REACH: i32 = 8;
 const ITERATIONS: usize = 6;
+/// Cells this far from the target, as a share of the thumbnail's width, count half: the ground there moves otherwise.
+const NEAR: f64 = 0.25;
 /// Brightness differences beyond this, of 255, are taken for something that moves on its own.
 const OUTLIER: f64 = 24.0;
 
@@ -138,7 +140,8 @@ pub struct CameraMotion {
 }
 
 impl CameraMotion {
-    /// How the picture moved since the frame shown before, `without` a box of that earlier frame; no motion if there was
+    /// How the picture moved since the frame shown before, `without` a box of that earlier frame but with regard to its
+    /// surroundings above all; no motion if there was
     /// none of that size, or if nothing fits better.
     pub(crate) fn observe(&mut self, frame: &Frame<'_>, without: Option<&CenterBox>) -> Motion {
         std::mem::swap(&mut self.before, &mut self.now);
@@ -207,7 +210,9 @@ impl CameraMotion {
                     let (px, py) = (u + a * u - b * v + x + mx, v + b * u + a * v + y + my);
                     let Some((value, gx, gy)) = now.sample(px, py) else { continue };
                     let difference = before.at(column, row) - value;
-                    let weight = OUTLIER / difference.abs().max(OUTLIER);
+                    let weight = hole.nearness(column as f64, row as f64, NEAR * before.columns as f64)
+                        * OUTLIER
+                        / difference.abs().max(OUTLIER);
                     let jacobian = [gx * u + gy * v, gy * u - gx * v, gx, gy];
                     for (i, ji) in jacobian.iter().enumerate() {
                         right[i] += weight * ji * difference;
@@ -245,6 +250,14 @@ impl Hole {
             let (cx, cy) = (f64::from(b.cx), f64::from(b.cy));
             [(cx - w) / cell - 1.0, (cy - h) / cell - 1.0, (cx + w) / cell, (cy + h) / cell]
         }))
+    }
+
+    /// Weight of a cell by its distance from the middle; 1 everywhere without a box.
+    fn nearness(&self, column: f64, row: f64, half: f64) -> f64 {
+        self.0.map_or(1.0, |[x0, y0, x1, y1]| {
+            let (dx, dy) = (column - 0.5 * (x0 + x1), row - 0.5 * (y0 + y1));
+            half * half / (half * half + dx * dx + dy * dy)
+        })
     }
 
     fn contains(&self, column: f64, row: f64) -> bool {

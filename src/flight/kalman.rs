@@ -8,14 +8,16 @@ use super::camera::Motion;
 use crate::bbox::CenterBox;
 
 /// Standard deviation of the acceleration, in target sides per frame squared.
-const ACCELERATION: f64 = 0.02;
+const ACCELERATION: f64 = 0.008;
+/// Standard deviation of what the camera's motion leaves unexplained, in target sides per frame.
+const WANDER: f64 = 0.02;
 /// Standard deviation of a measured centre, in target sides.
 const MEASUREMENT: f64 = 0.05;
 /// The gate: so many target sides, for what the model of motion leaves out, and so many standard deviations.
 const SLACK: f64 = 0.6;
 const SIGMAS: f64 = 4.0;
 /// Share of the velocity that is kept per frame without a measurement: far predictions slow down.
-const KEPT_VELOCITY: f64 = 0.97;
+const KEPT_VELOCITY: f64 = 0.99;
 
 /// Position and velocity along one axis with their covariance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,11 +28,11 @@ struct Axis {
 }
 
 impl Axis {
-    fn predict(&mut self, acceleration: f64) {
+    fn predict(&mut self, acceleration: f64, wander: f64) {
         let [p, c, v] = self.variance;
         let q = acceleration * acceleration;
         self.position += self.velocity;
-        self.variance = [p + 2.0 * c + v + q / 4.0, c + v + q / 2.0, v + q];
+        self.variance = [p + 2.0 * c + v + q / 4.0 + wander * wander, c + v + q / 2.0, v + q];
     }
 
     fn correct(&mut self, measured: f64, variance: f64) {
@@ -73,14 +75,15 @@ impl Kalman {
         (self.x.position, self.y.position, self.x.velocity, self.y.velocity) = (cx, cy, vx, vy);
         self.w *= motion.scale();
         self.h *= motion.scale();
-        let acceleration = ACCELERATION * self.side();
-        self.x.predict(acceleration);
-        self.y.predict(acceleration);
+        let (acceleration, wander) = (ACCELERATION * self.side(), WANDER * self.side());
+        self.x.predict(acceleration, wander);
+        self.y.predict(acceleration, wander);
     }
 
     /// Learns where the target was seen; the less `trust` in `(0, 1]`, the less it moves.
     pub(crate) fn correct(&mut self, bbox: &CenterBox, trust: f64) {
-        let variance = (MEASUREMENT * self.side() / trust.clamp(0.01, 1.0)).powi(2);
+        // A half hidden target's box is off by a good part of its side.
+        let variance = (MEASUREMENT * self.side() / trust.powi(2).clamp(0.01, 1.0)).powi(2);
         self.x.correct(bbox.cx.into(), variance);
         self.y.correct(bbox.cy.into(), variance);
     }
@@ -185,7 +188,7 @@ mod tests {
         for _ in 0..60 {
             kalman.predict(&Motion::default());
         }
-        assert!(kalman.gate() > 10.0, "{}", kalman.gate());
+        assert!(kalman.gate() > 4.0, "{}", kalman.gate());
     }
 
     #[test]

@@ -78,6 +78,8 @@ pub struct FlightOptions {
     pub config: TrackConfig,
     /// Presence from which on the target counts as seen.
     pub present: f64,
+    /// Presence from which on its motion is believed.
+    pub sure: f64,
     /// Presence below which it counts as gone.
     pub absent: f64,
     /// Frames below `absent` before the box is no longer believed.
@@ -97,6 +99,7 @@ impl FlightOptions {
             threads: 1,
             config: model.config(),
             present: 0.5,
+            sure: 0.8,
             absent: 0.15,
             patience: 3,
             coast: 30,
@@ -140,13 +143,15 @@ pub struct FlightTracker {
     camera: CameraMotion,
     smoothed: Smoothed,
     kalman: Option<Kalman>,
+    anchor: Option<Kalman>, // as it was when the target was last seen for sure, predicted since
     state: State,
     frames_in_state: u32,
     faint: u32, // frames in a row below `absent`
     score: f32,
     probability: f64,
     tentative: Option<Tentative>,
-    best_tile: Option<(f64, CenterBox)>, // best of the present sweep: log-odds and box
+    leads: Vec<(f64, CenterBox)>, // places that deserve a closer look, best last: log-odds and box
+    closer_look: bool,            // the next free search is one
     sweep: Sweep,
     search_cost: Duration,
     evidence: Option<Evidence>,
@@ -162,6 +167,8 @@ struct Tentative {
 
 /// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
 const TILE_SHARE: f64 = 120.0 / 303.0;
+/// Most places that wait for a closer look.
+const MAX_LEADS: usize = 8;
 /// Frames of [`State::Reacquired`] before [`State::Tracking`].
 const FRESH: u32 = 10;
 /// A rival must have this share of the chosen box's score to be taken in its place,
@@ -190,13 +197,15 @@ impl FlightTracker {
             camera: CameraMotion::default(),
             smoothed: Smoothed::default(),
             kalman: None,
+            anchor: None,
             state: State::Tracking,
             frames_in_state: 0,
             faint: 0,
             score: 0.0,
             probability: 1.0,
             tentative: None,
-            best_tile: None,
+            leads: Vec::new(),
+            closer_look: false,
             sweep: Sweep::default(),
             search_cost: Duration::from_millis(20),
             evidence: None,
@@ -214,6 +223,7 @@ impl FlightTracker {
         self.camera.observe(frame, None);
         self.smoothed = Smoothed::default();
         self.kalman = Some(Kalman::new(&bbox.center()));
+        self.anchor = self.kalman;
         self.enter(State::Tracking);
         (self.faint, self.score, self.probability, self.evidence) = (0, 0.0, 1.0, None);
         self.give_up_search();
@@ -230,6 +240,9 @@ impl FlightTracker {
         let motion = self.camera.observe(frame, Some(&kalman.bbox()));
         kalman.predict(&motion);
         self.kalman = Some(kalman);
+        if let Some(anchor) = &mut self.anchor {
+            anchor.predict(&motion);
+        }
         self.frames_in_state = self.frames_in_state.saturating_add(1);
         let searches = if self.state.is_seen() {
             self.follow(frame)?;
@@ -273,6 +286,9 @@ impl FlightTracker {
             }
             if probability >= self.options.present {
                 kalman.resize(&bbox);
+            }
+            if probability >= self.options.sure {
+                self.anchor = self.kalman;
             }
         }
         if probability < self.options.absent {
@@ -330,7 +346,9 @@ impl FlightTracker {
             kalman.bound(frame.width(), frame.height());
         }
         let carry = |bbox: &CenterBox| motion.carry(bbox);
-        self.best_tile = self.best_tile.map(|(odds, bbox)| (odds, carry(&bbox)));
+        for (_, bbox) in &mut self.leads {
+            *bbox = carry(bbox);
+        }
         if let Some(tentative) = &mut self.tentative {
             tentative.bbox = carry(&tentative.bbox);
         }
@@ -340,16 +358,17 @@ impl FlightTracker {
         let mut verified = false;
         for searches in 1.. {
             let began = Instant::now();
-            if self.tentative.is_some() && !verified {
-                verified = true;
+            let ahead = self.state == State::Coasting || self.frames_in_state.is_multiple_of(3);
+            if searches == 1 && ahead && self.tentative.is_none() {
+                verified = self.look_ahead(frame)?;
+            } else if !verified && (self.tentative.is_some() || self.closer_look && self.take_lead()) {
+                // Once a frame: it takes one frame after the other to confirm a place.
+                (verified, self.closer_look) = (true, false);
                 if self.verify(frame)? {
                     return Ok(searches);
                 }
-            } else if searches == 1
-                && (self.state == State::Coasting || self.frames_in_state.is_multiple_of(3))
-            {
-                verified = self.look_ahead(frame)?;
             } else {
+                self.closer_look = true;
                 self.look_elsewhere(frame)?;
             }
             self.search_cost = (3 * self.search_cost + began.elapsed()) / 4;
@@ -381,39 +400,37 @@ impl FlightTracker {
         Ok(promising)
     }
 
-    /// Looks at the sweep's next tile, in a wider region.
+    /// Looks at the sweep's next tile, in a wider region, and keeps what it finds there as a lead.
     fn look_elsewhere(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
         let size = self.predicted(frame);
-        let Some(((cx, cy), zoom)) = self.sweep.next() else {
-            // The sweep is over: its best place deserves a closer look, and the next one begins.
-            self.sweep.plan(frame.width(), frame.height(), self.tile_side(&size), (size.cx, size.cy));
-            if let Some((_, bbox)) = self.best_tile.take() {
-                self.suggest(bbox);
-            }
-            return match self.tentative.is_some() {
-                true => self.verify(frame).map(|_| ()),
-                false => self.look_elsewhere(frame),
-            };
-        };
+        let tile = self.sweep.next().or_else(|| {
+            let side = f64::from(size.w * size.h).sqrt();
+            let radius = self.kalman.map_or(0.0, |kalman| kalman.gate()) * side;
+            let frame_size = (frame.width(), frame.height());
+            self.sweep.plan(frame_size, self.tile_side(&size), (size.cx, size.cy), radius);
+            self.sweep.next()
+        });
+        let Some(((cx, cy), zoom)) = tile else { return Ok(()) };
         self.tracker.look(frame, CenterBox { cx, cy, ..size }, zoom, 0.0)?;
         let Some(finding) = self.judge(false) else { return Ok(()) };
-        if !self.is_within_reach(&finding.bbox) {
-            return Ok(());
-        }
-        let odds = self.presence.log_odds(&finding.evidence);
-        let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..size };
-        if odds > presence_odds(self.options.absent) {
-            self.suggest(bbox);
-        } else if self.best_tile.is_none_or(|(best, _)| odds > best) {
-            self.best_tile = Some((odds, bbox));
+        if self.is_within_reach(&finding.bbox) {
+            let odds = self.presence.log_odds(&finding.evidence);
+            self.leads.push((odds, CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..size }));
+            self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let excess = self.leads.len().saturating_sub(MAX_LEADS);
+            self.leads.drain(..excess);
         }
         Ok(())
     }
 
-    fn suggest(&mut self, bbox: CenterBox) {
+    /// Takes the best lead for a closer look, if there is one.
+    fn take_lead(&mut self) -> bool {
         if self.tentative.is_none() {
-            self.tentative = Some(Tentative { bbox, confirmed: 0, needed: self.options.confirm });
+            let lead = self.leads.pop();
+            self.tentative =
+                lead.map(|(_, bbox)| Tentative { bbox, confirmed: 0, needed: self.options.confirm });
         }
+        self.tentative.is_some()
     }
 
     /// Tracks the tentative place for one frame; `true` if it is now taken for the target.
@@ -434,6 +451,7 @@ impl FlightTracker {
             return Ok(false);
         }
         self.kalman = Some(Kalman::new(&tentative.bbox));
+        self.anchor = self.kalman;
         self.smoothed = Smoothed::default();
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
         self.score = finding.score;
@@ -456,6 +474,8 @@ impl FlightTracker {
         if state != self.state {
             (self.state, self.frames_in_state) = (state, 0);
             if state == State::Coasting {
+                // What was half seen since may have been what hides the target.
+                self.kalman = self.anchor;
                 self.give_up_search();
             }
         }
@@ -463,7 +483,7 @@ impl FlightTracker {
 
     fn give_up_search(&mut self) {
         self.tentative = None;
-        self.best_tile = None;
+        self.leads.clear();
         self.sweep.clear();
     }
 
@@ -533,8 +553,4 @@ impl FlightTracker {
     pub fn presence(&self) -> &Presence {
         &self.presence
     }
-}
-
-fn presence_odds(probability: f64) -> f64 {
-    evidence::log_odds(probability)
 }

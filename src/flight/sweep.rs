@@ -16,12 +16,19 @@ pub(crate) struct Sweep {
 }
 
 impl Sweep {
-    /// Plans the tiles of a `width` x `height` frame for searches that cover `reach` pixels each at zoom 1.
-    pub(crate) fn plan(&mut self, width: usize, height: usize, reach: f64, around: (f32, f32)) {
+    /// Plans the tiles of a `width` x `height` frame for searches that cover `reach` pixels each at zoom 1, as far as they
+    /// come within `radius` of `around`.
+    pub(crate) fn plan(
+        &mut self,
+        (width, height): (usize, usize),
+        reach: f64,
+        around: (f32, f32),
+        radius: f64,
+    ) {
         let (width, height) = (width as f64, height as f64);
         let reach = reach.max(1.0);
-        let tiles = |step: f64| (width / step).ceil() * (height / step).ceil();
-        self.zoom = (tiles(reach) / FEW_TILES).sqrt().clamp(1.0, MAX_ZOOM);
+        let tiles = (width.min(2.0 * radius) / reach).ceil() * (height.min(2.0 * radius) / reach).ceil();
+        self.zoom = (tiles / FEW_TILES).sqrt().clamp(1.0, MAX_ZOOM);
         let step = (reach * self.zoom).max((width * height / MAX_TILES).sqrt());
         let (columns, rows) = ((width / step).ceil().max(1.0), (height / step).ceil().max(1.0));
         self.left.clear();
@@ -34,6 +41,10 @@ impl Sweep {
         }
         let distance = |&(x, y): &(f32, f32)| (x - around.0).hypot(y - around.1);
         self.left.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
+        // The nearest one stays in any case: there is always something to do.
+        let beyond = |tile: &(f32, f32)| f64::from(distance(tile)) > radius + step;
+        let far = self.left.iter().take_while(|tile| beyond(tile)).count().min(self.left.len() - 1);
+        self.left.drain(..far);
     }
 
     /// The next tile's centre and zoom; `None` at the end of the sweep.
@@ -58,7 +69,7 @@ mod tests {
     #[test]
     fn covers_the_frame_nearest_first() {
         let mut sweep = Sweep::default();
-        sweep.plan(640, 360, 68.0, (600.0, 10.0));
+        sweep.plan((640, 360), 68.0, (600.0, 10.0), 2000.0);
         let tiles = all(&mut sweep);
         let zoom = tiles[0].1;
         assert!((1.0..=MAX_ZOOM).contains(&zoom));
@@ -73,11 +84,21 @@ mod tests {
     }
 
     #[test]
+    fn begins_small() {
+        let mut sweep = Sweep::default();
+        sweep.plan((640, 360), 68.0, (300.0, 200.0), 70.0);
+        let tiles = all(&mut sweep);
+        assert!(tiles.len() < 16 && tiles[0].1 == 1.0, "{tiles:?}");
+        sweep.plan((640, 360), 68.0, (-900.0, 200.0), 70.0);
+        assert_eq!(all(&mut sweep).len(), 1);
+    }
+
+    #[test]
     fn a_large_target_needs_one_tile_and_a_tiny_one_not_too_many() {
         let mut sweep = Sweep::default();
-        sweep.plan(640, 360, 2000.0, (0.0, 0.0));
+        sweep.plan((640, 360), 2000.0, (0.0, 0.0), 2000.0);
         assert_eq!(all(&mut sweep), [((320.0, 180.0), 1.0)]);
-        sweep.plan(32768, 32768, 1.0, (0.0, 0.0));
+        sweep.plan((32768, 32768), 1.0, (0.0, 0.0), 1e6);
         assert!(all(&mut sweep).len() <= MAX_TILES as usize + 64);
     }
 }

@@ -1,7 +1,7 @@
 //! `evaluate`: flight mode as a whole on rendered flights, beside the paper's mode.
 
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker, Presence};
-use track_cpu::{BBox, Frame, Model};
+use track_cpu::{BBox, Frame, Model, State};
 
 use scenes::Truth;
 
@@ -25,6 +25,7 @@ struct Moment {
     iou: f32,
     on: Option<bool>,
     presence: f64,
+    state: State,
     believed: bool,
     other: bool, // the box is on a look-alike
 }
@@ -50,6 +51,13 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     };
     let outcomes = each_seed(&args.flights, args.seed, |seed| flight(&model, &presence, args, seed))?;
     for outcome in &outcomes {
+        if args.trace {
+            for (index, m) in outcome.flight.iter().enumerate() {
+                let (visible, iou, state) = (m.visible, m.iou, m.state.name());
+                let other = if m.other { " other" } else { "" };
+                println!("{} {visible:.2} {iou:.2} {:.3} {state}{other}", index + 1, m.presence);
+            }
+        }
         let (returns, found) = returns(&outcome.flight);
         let line = |moments: &[Moment]| format!("{:.3}", mean_iou(moments));
         let (flight, paper) = (line(&outcome.flight), line(&outcome.paper));
@@ -100,6 +108,7 @@ fn moment(
         iou,
         on: is_on(&track.bbox, truth),
         presence: f64::from(track.presence),
+        state: track.state,
         believed: track.state.is_seen() && track.presence >= 0.5,
         other: iou < OFF && truth.distractors.iter().map(bbox).any(|b| on_other(&b)),
     })
@@ -169,7 +178,15 @@ mod tests {
 
     fn moment(visible: f32, iou: f32, believed: bool) -> Moment {
         let on = Some(visible > 0.25 && iou > ON);
-        Moment { visible, iou, on, presence: f64::from(u8::from(believed)), believed, other: iou < OFF }
+        Moment {
+            visible,
+            iou,
+            on,
+            presence: f64::from(u8::from(believed)),
+            state: State::Tracking,
+            believed,
+            other: iou < OFF,
+        }
     }
 
     #[test]

@@ -93,6 +93,9 @@ struct EvaluateArgs {
     /// Searches per frame while the target is lost.
     #[arg(long, default_value_t = 2)]
     searches: u32,
+    /// Print a line per frame: visible share, IoU, presence, state, believed.
+    #[arg(long)]
+    trace: bool,
     /// Presence coefficients as text in place of the model's.
     #[arg(long)]
     text: Option<PathBuf>,
