@@ -21,7 +21,15 @@ pub struct Machine {
     pub load: Option<f64>,
     /// This program's version.
     pub version: &'static str,
+    /// What it was built by: compiler, and whether without optimisation.
+    pub build: &'static str,
 }
+
+/// The compiler; a program that is not optimised says so, for its speed means nothing.
+const BUILD: &str = match cfg!(debug_assertions) {
+    true => concat!(env!("TRACK_CPU_COMPILER"), ", not optimised"),
+    false => env!("TRACK_CPU_COMPILER"),
+};
 
 impl Machine {
     /// Asks the system.
@@ -40,6 +48,7 @@ impl Machine {
             cores: std::thread::available_parallelism().map_or(1, |n| n.get()),
             os: format!("{} {arch}", std::env::consts::OS),
             version: env!("CARGO_PKG_VERSION"),
+            build: BUILD,
         }
     }
 
@@ -54,13 +63,14 @@ impl Machine {
             "virtual_machine": self.virtual_machine,
             "load": self.load,
             "version": self.version,
+            "build": self.build,
         })
     }
 }
 
 impl std::fmt::Display for Machine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Machine { cpu, cores, os, memory_mib, governor, virtual_machine, load, version } = self;
+        let Machine { cpu, cores, os, memory_mib, governor, virtual_machine, load, version, build } = self;
         write!(f, "{cpu}, {cores} cores")?;
         if *virtual_machine {
             write!(f, " of a virtual machine")?;
@@ -75,7 +85,7 @@ impl std::fmt::Display for Machine {
         if let Some(load) = load {
             write!(f, ", load {load:.1}")?;
         }
-        write!(f, ", track-cpu {version}")
+        write!(f, ", track-cpu {version} by {build}")
     }
 }
 

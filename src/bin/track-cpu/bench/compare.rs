@@ -11,7 +11,8 @@ use crate::report::{print, rounded, table};
 /// Largest file that is read, in bytes.
 const MAX_BYTES: u64 = 16 << 20;
 /// What has to be alike for two measurements to be of the same thing.
-const CONDITIONS: [&str; 7] = ["machine/cpu", "isa", "threads", "precision", "model", "width", "height"];
+const CONDITIONS: [&str; 8] =
+    ["machine/cpu", "machine/build", "isa", "threads", "precision", "model", "width", "height"];
 /// Differences below this share are never called one: clocks and caches differ by as much from run to run.
 const LEAST: f64 = 0.01;
 
