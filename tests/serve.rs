@@ -109,7 +109,7 @@ fn a_log_is_done_again_box_for_box() {
 #[test]
 fn bad_logs_and_options_say_why() {
     let log = temporary("bad.jsonl");
-    let head = r#"{"log":"track-cpu","version":1,"input":"flight:seed=7,size=64x64,frames=2","repeats":true,"model":null,"isa":"portable","mode":"flight"}"#;
+    let head = r#"{"log":"track-cpu","version":1,"input":"flight:seed=7,size=64x64,frames=2","repeats":true,"model":null,"isa":"portable","precision":"f32","mode":"flight"}"#;
     for (text, part) in [
         (String::new(), "is empty"),
         ("{}\n".into(), "expected track-cpu"),

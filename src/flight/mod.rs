@@ -143,7 +143,8 @@ pub struct FlightTracker {
     camera: CameraMotion,
     smoothed: Smoothed,
     kalman: Option<Kalman>,
-    anchor: Option<Kalman>, // as it was when the target was last seen for sure, predicted since
+    anchor: Option<Kalman>, // as it was when the target was surely seen, predicted since
+    next_anchor: Option<(Kalman, u32)>, // becomes the anchor if the target stays surely seen; age in frames
     state: State,
     frames_in_state: u32,
     faint: u32, // frames in a row below `absent`
@@ -167,6 +168,8 @@ struct Tentative {
 
 /// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
 const TILE_SHARE: f64 = 120.0 / 303.0;
+/// Frames that the target must stay surely seen before its motion is remembered.
+const ANCHOR_AGE: u32 = 4;
 /// Most places that wait for a closer look.
 const MAX_LEADS: usize = 8;
 /// Frames of [`State::Reacquired`] before [`State::Tracking`].
@@ -198,6 +201,7 @@ impl FlightTracker {
             smoothed: Smoothed::default(),
             kalman: None,
             anchor: None,
+            next_anchor: None,
             state: State::Tracking,
             frames_in_state: 0,
             faint: 0,
@@ -223,7 +227,7 @@ impl FlightTracker {
         self.camera.observe(frame, None);
         self.smoothed = Smoothed::default();
         self.kalman = Some(Kalman::new(&bbox.center()));
-        self.anchor = self.kalman;
+        (self.anchor, self.next_anchor) = (self.kalman, None);
         self.enter(State::Tracking);
         (self.faint, self.score, self.probability, self.evidence) = (0, 0.0, 1.0, None);
         self.give_up_search();
@@ -240,9 +244,8 @@ impl FlightTracker {
         let motion = self.camera.observe(frame, Some(&kalman.bbox()));
         kalman.predict(&motion);
         self.kalman = Some(kalman);
-        if let Some(anchor) = &mut self.anchor {
-            anchor.predict(&motion);
-        }
+        let next = self.next_anchor.iter_mut().map(|(kalman, _)| kalman);
+        self.anchor.iter_mut().chain(next).for_each(|kalman| kalman.predict(&motion));
         self.frames_in_state = self.frames_in_state.saturating_add(1);
         let searches = if self.state.is_seen() {
             self.follow(frame)?;
@@ -273,13 +276,16 @@ impl FlightTracker {
         if self.options.recover && !self.is_within_reach(&finding.bbox) {
             // Too far in one frame: another object, or the target behind one.
             let Some(other) = self.rival() else {
+                self.probability = self.probability.min(self.options.absent);
+                self.smoothed = Smoothed::default();
                 self.enter(State::Coasting);
                 return Ok(());
             };
             bbox = CenterBox { cx: other.cx, cy: other.cy, ..bbox };
             self.tracker.place(bbox);
         }
-        let probability = self.probability;
+        // The smoothed presence lags where the target is just being hidden.
+        let probability = self.probability.min(self.presence.alone(&finding.evidence));
         if let Some(kalman) = &mut self.kalman {
             if probability >= self.options.absent {
                 kalman.correct(&bbox, probability);
@@ -287,16 +293,14 @@ impl FlightTracker {
             if probability >= self.options.present {
                 kalman.resize(&bbox);
             }
-            if probability >= self.options.sure {
-                self.anchor = self.kalman;
-            }
         }
-        if probability < self.options.absent {
+        self.drop_anchor(probability >= self.options.sure);
+        if self.probability < self.options.absent {
             self.doubt();
             return Ok(());
         }
         self.faint = 0;
-        if probability < self.options.present {
+        if self.probability < self.options.present {
             self.enter(State::LowConfidence);
             return Ok(());
         }
@@ -305,6 +309,21 @@ impl FlightTracker {
             self.enter(State::Tracking);
         }
         Ok(())
+    }
+
+    /// Remembers the motion from a while before the last frame in which the target was surely seen: in those just before it
+    /// hides, the box is already drawn towards what hides it.
+    fn drop_anchor(&mut self, sure: bool) {
+        let Some(kalman) = self.kalman else { return };
+        self.next_anchor = match self.next_anchor {
+            _ if !sure => None,
+            None => Some((kalman, 0)),
+            Some((aged, ANCHOR_AGE)) => {
+                self.anchor = Some(aged);
+                Some((kalman, 0))
+            }
+            Some((aged, age)) => Some((aged, age + 1)),
+        };
     }
 
     /// One more frame without the target: in the end the box is no longer believed.
@@ -451,7 +470,7 @@ impl FlightTracker {
             return Ok(false);
         }
         self.kalman = Some(Kalman::new(&tentative.bbox));
-        self.anchor = self.kalman;
+        (self.anchor, self.next_anchor) = (self.kalman, None);
         self.smoothed = Smoothed::default();
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
         self.score = finding.score;

@@ -1,0 +1,192 @@
+#!/usr/bin/env python3
+"""A ground station made of pymavlink, against `track-cpu serve` as a MAVLink camera.
+
+    python3 -m venv v && v/bin/pip install pymavlink
+    v/bin/python tests/ground_station.py target/release/track-cpu
+
+Pictures come from here, through standard input: a checkered target over a patchwork, which vanishes and comes back. Every
+check prints a line; the exit code is 1 if any fails. Not part of `cargo test`, which has the same dialogue in Rust.
+"""
+import os
+import random
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+os.environ["MAVLINK20"] = "1"
+os.environ["MAVLINK_DIALECT"] = "common"
+from pymavlink import mavutil  # noqa: E402
+
+M = mavutil.mavlink
+WIDTH, HEIGHT, RATE = 320, 180, 12
+TARGET = (142, 76, 36, 28)
+failures = []
+
+
+def check(what, passed):
+    print(("ok      " if passed else "FAILED  ") + what, flush=True)
+    if not passed:
+        failures.append(what)
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+def patchwork():
+    """Rows of a picture of random 10 x 10 patches, and the same with the target on it."""
+    chance = random.Random(7)
+    empty = []
+    for _ in range(HEIGHT // 10):
+        row = b"".join(bytes(chance.randrange(60, 150) for _ in range(3)) * 10 for _ in range(WIDTH // 10))
+        empty += [row] * 10
+    shown = [bytearray(row) for row in empty]
+    x, y, w, h = TARGET
+    for j in range(h):
+        line = b"".join((b"\x20\x20\xf0" if (i // 9 + j // 7) % 2 else b"\xf0\xe0\x10") for i in range(w))
+        shown[y + j][3 * x : 3 * (x + w)] = line
+    return b"".join(empty), b"".join(bytes(row) for row in shown)
+
+
+class Camera:
+    """A running program and the pictures it is fed with."""
+
+    def __init__(self, program, *options):
+        self.port = free_port()
+        self.empty, self.shown = patchwork()
+        self.visible, self.ended = True, False
+        command = [program, "serve", "--input", "-", "--raw", f"{WIDTH}x{HEIGHT}", "--pix", "bgr24", "--quiet"]
+        command += ["--max-age-ms", "5000", "--mavlink", f"udpout:127.0.0.1:{self.port}", *options]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        threading.Thread(target=self.feed, daemon=True).start()
+
+    def feed(self):
+        while not self.ended:
+            try:
+                self.process.stdin.write(self.shown if self.visible else self.empty)
+                self.process.stdin.flush()
+            except OSError:
+                return
+            time.sleep(1 / RATE)
+
+    def end(self):
+        self.process.terminate()
+        code = self.process.wait(timeout=20)
+        self.ended = True
+        return code
+
+
+class Station:
+    def __init__(self, camera, system=255):
+        self.link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{camera.port}", source_system=system, source_component=190)
+
+    def command(self, command, *parameters):
+        self.link.mav.command_long_send(1, 100, command, 0, *(list(parameters) + [0] * (7 - len(parameters))))
+
+    def wait(self, kind, seconds=20, accept=lambda message: True):
+        until = time.time() + seconds
+        while time.time() < until:
+            message = self.link.recv_match(type=kind, blocking=True, timeout=0.5)
+            if message is not None and accept(message):
+                return message
+        return None
+
+    def result(self, command, seconds=20):
+        ack = self.wait("COMMAND_ACK", seconds, lambda ack: ack.command == command)
+        return None if ack is None else ack.result
+
+    def status(self, accept=lambda status: True, seconds=30):
+        return self.wait("CAMERA_TRACKING_IMAGE_STATUS", seconds, accept)
+
+
+def dialogue(program):
+    camera = Camera(program, "--video-uri", "rtsp://127.0.0.1:8554/main")
+    station = Station(camera)
+    heartbeat = station.wait("HEARTBEAT")
+    check("heartbeat of a camera", heartbeat is not None and heartbeat.type == M.MAV_TYPE_CAMERA)
+    for name, command in (("new", (M.MAV_CMD_REQUEST_MESSAGE, 259)), ("old", (M.MAV_CMD_REQUEST_CAMERA_INFORMATION, 1))):
+        station.command(*command)
+        information = station.wait("CAMERA_INFORMATION")
+        check(f"camera information in the {name} form", information is not None and information.flags & 1792 == 1792)
+    station.command(M.MAV_CMD_REQUEST_MESSAGE, 269)
+    stream = station.wait("VIDEO_STREAM_INFORMATION")
+    check("video stream", stream is not None and stream.uri.startswith("rtsp://127.0.0.1"))
+    check("idle at first", station.status().tracking_status == 0)
+
+    x, y, w, h = TARGET
+    rectangle = (x / WIDTH, y / HEIGHT, (x + w) / WIDTH, (y + h) / HEIGHT)
+    station.command(M.MAV_CMD_CAMERA_TRACK_RECTANGLE, *rectangle)
+    check("rectangle accepted", station.result(M.MAV_CMD_CAMERA_TRACK_RECTANGLE) == M.MAV_RESULT_ACCEPTED)
+    status = station.status(lambda s: s.tracking_status == 1)
+    check("active", status is not None)
+    check("box on the target", status is not None and abs(status.rec_top_x - rectangle[0]) < 0.05)
+    station.command(M.MAV_CMD_SET_MESSAGE_INTERVAL, 275, 500000)
+    check("interval accepted", station.result(M.MAV_CMD_SET_MESSAGE_INTERVAL) == M.MAV_RESULT_ACCEPTED)
+    until, count = time.time() + 4, 0
+    while time.time() < until:
+        count += station.link.recv_match(type="CAMERA_TRACKING_IMAGE_STATUS", blocking=True, timeout=0.5) is not None
+    check(f"2 Hz as asked for ({count} in 4 s)", 6 <= count <= 12)
+    station.command(M.MAV_CMD_SET_MESSAGE_INTERVAL, 275, 50000)
+    time.sleep(2)
+    camera.visible = False
+    check("coasting while the target is hidden", station.status(lambda s: s.tracking_status == 9) is not None)
+    check("an error once it is lost", station.status(lambda s: s.tracking_status == 2) is not None)
+    camera.visible = True
+    check("active again", station.status(lambda s: s.tracking_status == 1) is not None)
+
+    for command in (M.MAV_CMD_DO_SET_HOME, M.MAV_CMD_SET_CAMERA_ZOOM):
+        station.command(command)
+        check(f"command {command} acknowledged as unsupported", station.result(command) == M.MAV_RESULT_UNSUPPORTED)
+    station.link.mav.srcSystem = 77
+    station.command(M.MAV_CMD_CAMERA_STOP_TRACKING)
+    check("a strange system id is not answered", station.result(M.MAV_CMD_CAMERA_STOP_TRACKING, 2) is None)
+    station.link.mav.srcSystem = 255
+    for _ in range(50):
+        station.link.write(os.urandom(60))
+    station.command(M.MAV_CMD_CAMERA_STOP_TRACKING)
+    check("stop accepted, after noise", station.result(M.MAV_CMD_CAMERA_STOP_TRACKING) == M.MAV_RESULT_ACCEPTED)
+    check("idle again", station.status(lambda s: s.tracking_status == 0) is not None)
+    station.command(M.MAV_CMD_CAMERA_TRACK_POINT, (x + w / 2) / WIDTH, (y + h / 2) / HEIGHT, float("nan"))
+    check("point accepted", station.result(M.MAV_CMD_CAMERA_TRACK_POINT) == M.MAV_RESULT_ACCEPTED)
+    status = station.status(lambda s: s.tracking_status & 1 == 1)
+    check("active by point", status is not None and status.tracking_mode == M.CAMERA_TRACKING_MODE_POINT)
+    check("ends on SIGTERM", camera.end() == 0)
+
+
+def signing(program, folder):
+    key, path = bytes(range(32)), os.path.join(folder, "key")
+    with open(path, "wb") as file:
+        file.write(key)
+    camera = Camera(program, "--mav-key", path)
+    station = Station(camera)
+    check("signed camera is heard", station.wait("HEARTBEAT") is not None)
+    station.command(M.MAV_CMD_REQUEST_MESSAGE, 259)
+    check("unsigned command is refused", station.wait("CAMERA_INFORMATION", 2) is None)
+    station.link.setup_signing(bytes(reversed(key)), sign_outgoing=True, allow_unsigned_callback=lambda *_: True)
+    station.command(M.MAV_CMD_REQUEST_MESSAGE, 259)
+    time.sleep(1)
+    station.link.disable_signing()
+    check("wrong key is refused", station.wait("CAMERA_INFORMATION", 2) is None)
+    station.link.setup_signing(key, sign_outgoing=True)
+    station.command(M.MAV_CMD_REQUEST_MESSAGE, 259)
+    check("signed command is answered", station.wait("CAMERA_INFORMATION", 10) is not None)
+    check("signed camera ends", camera.end() == 0)
+
+
+def main():
+    import tempfile
+
+    program = sys.argv[1] if len(sys.argv) > 1 else "target/release/track-cpu"
+    dialogue(program)
+    with tempfile.TemporaryDirectory() as folder:
+        signing(program, folder)
+    print(f"{len(failures)} failed" if failures else "all passed")
+    sys.exit(bool(failures))
+
+
+if __name__ == "__main__":
+    main()
