@@ -54,9 +54,8 @@ impl Targets {
         Targets { rule: Rule::Ratio(ratio), layers: BTreeMap::new() }
     }
 
-    fn of(&self, layer: &str) -> Rule {
-        // Behind one encoder for both tasks, the necks go together under the first one's rule.
-        let name = if layer == "neck" { "neck.cls" } else { layer };
+    fn of(&self, group: &str) -> Rule {
+        let name = index(group).map_or(group, |at| LAYERS[at]);
         self.layers.get(name).copied().unwrap_or(self.rule)
     }
 }
@@ -86,26 +85,23 @@ pub fn choose(
         };
         let rank = sum(&|layer| ranks.of(layer).map(<[f64]>::to_vec));
         let norm = sum(&|layer| norms.get(layer).cloned());
-        let follows = |of: &str| kept.iter().find(|(group, _)| group.name == of).map(|(_, kept)| kept.len());
-        let rule = targets.of(&group.name);
-        let indices = match (rule, full_width(&group.name)) {
-            (Rule::Rank(least), Some(_)) => {
+        let by_rank = |count: usize| (count, highest(&rank, &norm, count));
+        let (wanted, indices) = match (index(&group.name), targets.of(&group.name)) {
+            (Some(at), Rule::Ratio(ratio)) => by_rank(Widths::pruned(ratio).all()[at]),
+            (Some(_), Rule::Rank(least)) => {
                 let decisive = group.layers.last().and_then(|layer| ranks.of(layer)).unwrap_or(&rank);
-                (0..group.width).filter(|&i| decisive[i] >= least).collect()
+                let indices: Vec<_> = (0..group.width).filter(|&i| decisive[i] >= least).collect();
+                (indices.len(), indices)
             }
-            (Rule::Ratio(ratio), Some(full)) => highest(&rank, &norm, full(&Widths::pruned(ratio))),
-            // An encoder is to its features as it was.
-            (_, None) => {
+            // An encoder stays to its features as it was.
+            (None, _) => {
                 let features = architecture.widths.backbone[4];
-                let left = follows("backbone.conv5").unwrap_or(features);
-                highest(&rank, &norm, (group.width * left / features).max(1))
+                let left = kept.iter().find(|(group, _)| group.name == "backbone.conv5");
+                let left = left.map_or(features, |(_, indices)| indices.len());
+                by_rank((group.width * left / features).max(1))
             }
         };
-        let wanted = match (rule, full_width(&group.name)) {
-            (Rule::Ratio(ratio), Some(full)) => full(&Widths::pruned(ratio)),
-            _ => indices.len(),
-        };
-        if indices.is_empty() || wanted > group.width {
+        if !(1..=group.width).contains(&wanted) {
             let expected = format!("1 to {} filters in {}", group.width, group.name);
             return Err(Error::option("--ratio", expected, wanted));
         }
@@ -114,11 +110,10 @@ pub fn choose(
     Ok(Keep { groups: kept })
 }
 
-/// A group's width in a network; `None` for an encoder.
-fn full_width(group: &str) -> Option<impl Fn(&Widths) -> usize> {
+/// A group's place in [`LAYERS`]; `None` for an encoder. Behind one encoder for both tasks, the necks are one group.
+fn index(group: &str) -> Option<usize> {
     let name = if group == "neck" { "neck.cls" } else { group };
-    let at = LAYERS.iter().position(|layer| *layer == name)?;
-    Some(move |widths: &Widths| widths.all()[at])
+    LAYERS.iter().position(|layer| *layer == name)
 }
 
 /// Indices of the `count` highest, ascending.
