@@ -101,6 +101,32 @@ impl EngineArgs {
     }
 }
 
+/// What follows the target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// The tracker as published: it always finds something.
+    Paper,
+    /// Knows when the target is lost, coasts, and finds it again.
+    Flight,
+}
+
+impl Mode {
+    /// As on the command line.
+    #[cfg(feature = "serve")]
+    pub fn name(self) -> &'static str {
+        match self {
+            Mode::Paper => "paper",
+            Mode::Flight => "flight",
+        }
+    }
+
+    /// The mode of this name.
+    #[cfg(feature = "serve")]
+    pub fn from_name(name: &str) -> Option<Mode> {
+        [Mode::Paper, Mode::Flight].into_iter().find(|mode| mode.name() == name)
+    }
+}
+
 /// `track`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = TRACK_EXAMPLES)]
@@ -123,6 +149,9 @@ pub struct TrackArgs {
     /// Write one JSON object per frame: frame, box, score, milliseconds.
     #[arg(long)]
     pub json: bool,
+    /// What follows the target; in flight mode JSON lines also hold presence (0 to 1) and state.
+    #[arg(long, value_enum, default_value_t = Mode::Paper)]
+    pub mode: Mode,
     /// First frame, 0-based; --init refers to it.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub start: usize,

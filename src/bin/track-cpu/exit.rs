@@ -46,6 +46,9 @@ pub enum Failure {
     /// A model cannot be used.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// A model's presence coefficients cannot be used.
+    #[error(transparent)]
+    Presence(#[from] track_cpu::flight::PresenceError),
     /// An output cannot be written.
     #[error("{output}: {reason}")]
     Output {
@@ -95,7 +98,7 @@ impl Failure {
         let code = match self {
             Failure::ClosedPipe => return ExitCode::SUCCESS,
             Failure::Input(_) | Failure::Frame { .. } | Failure::Log { .. } => INPUT,
-            Failure::Model(_) => MODEL,
+            Failure::Model(_) | Failure::Presence(_) => MODEL,
             Failure::Output { .. } => OUTPUT,
             Failure::Target(_) => TARGET,
             Failure::SelfTest(_) | Failure::Rendered(_) => SELF_TEST,

@@ -8,6 +8,7 @@ mod demo;
 mod doctor;
 mod exit;
 mod film;
+mod follow;
 mod font;
 mod info;
 mod machine;

@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use serde_json::json;
+use track_cpu::BBox;
 use track_cpu::source::{Input, Prefetch, Source};
-use track_cpu::{BBox, Tracker, TrackerOptions};
 
 use crate::args::TrackArgs;
 use crate::exit::Failure;
 use crate::film::Film;
+use crate::follow::{Follower, Found};
 use crate::report::{progress, rounded};
 use crate::statistics::Times;
 
@@ -32,8 +33,7 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let mut frames = Prefetch::new(source, AHEAD);
     let mut boxes = Boxes::create(args.out.as_deref(), args.json)?;
     let mut film = args.overlay.as_deref().map(Film::create).transpose()?;
-    let options = TrackerOptions { threads: args.engine.threads, config: model.config() };
-    let mut tracker = Tracker::with_options(model, options);
+    let mut tracker = Follower::new(model, args.engine.threads, args.mode)?;
 
     let began = Instant::now();
     let mut times = Vec::new();
@@ -42,22 +42,20 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
         let image = image.map_err(|error| Failure::Frame { frame: index, error })?;
         let frame = image.frame();
         let started = Instant::now();
-        let (bbox, score) = if index == args.start {
-            tracker.init(&frame, args.init)?;
-            (args.init, None)
-        } else {
-            let track = tracker.update(&frame)?;
-            (track.bbox, Some(track.score))
+        let found = match index == args.start {
+            true => tracker.start(&frame, args.init)?,
+            false => tracker.follow(&frame)?,
         };
         let took = started.elapsed();
         if index > args.start {
             times.push(took);
         }
-        boxes.write(index, &bbox, score, took)?;
+        boxes.write(index, &found, took)?;
         if let Some(film) = &mut film {
             film.add(index, &frame, |canvas| {
-                canvas.found(&bbox, score);
-                canvas.caption(&format!("#{index}"));
+                canvas.found(&found.bbox, found.sureness.map(|(presence, _)| presence).or(found.score));
+                let state = found.sureness.map_or(String::new(), |(_, state)| format!(" {}", state.name()));
+                canvas.caption(&format!("#{index}{state}"));
             })?;
         }
         frames.recycle(image);
@@ -114,20 +112,19 @@ impl Boxes {
         Ok(Boxes { out: LineWriter::new(out), file: path.map(|path| path.display().to_string()), json })
     }
 
-    fn write(
-        &mut self,
-        frame: usize,
-        bbox: &BBox,
-        score: Option<f32>,
-        took: Duration,
-    ) -> Result<(), Failure> {
-        let BBox { x, y, w, h } = *bbox;
+    fn write(&mut self, frame: usize, found: &Found, took: Duration) -> Result<(), Failure> {
+        let BBox { x, y, w, h } = found.bbox;
         let line = if self.json {
             let numbers = [x, y, w, h].map(|v| rounded(f64::from(v), 3));
-            let score = score.map(|score| rounded(f64::from(score), 6));
+            let score = found.score.map(|score| rounded(f64::from(score), 6));
             let milliseconds = rounded(took.as_secs_f64() * 1e3, 3);
-            json!({ "frame": frame, "box": numbers, "score": score, "milliseconds": milliseconds })
-                .to_string()
+            let mut line =
+                json!({ "frame": frame, "box": numbers, "score": score, "milliseconds": milliseconds });
+            if let Some((presence, state)) = found.sureness {
+                line["presence"] = rounded(f64::from(presence), 4);
+                line["state"] = state.name().into();
+            }
+            line.to_string()
         } else {
             format!("{x:.3},{y:.3},{w:.3},{h:.3}")
         };

@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::ValueEnum;
 use track_cpu::BBox;
 use track_cpu::source::{PixelFormat, RawFormat};
 
-use crate::args::{EngineArgs, bbox, pixel_format, size};
+use crate::args::{EngineArgs, Mode, bbox, pixel_format, size};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -20,25 +19,6 @@ Inputs: a V4L2 camera (/dev/videoN), anything that `track` reads (videos and URL
 
 Only the newest frame is tracked; the others are counted as dropped. One JSON object per tracked frame goes to standard
 output. SIGTERM and SIGINT end it in order.";
-
-/// What follows the target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Mode {
-    /// The tracker as published: it always finds something.
-    Paper,
-    /// Knows when the target is lost, coasts, and finds it again.
-    Flight,
-}
-
-impl Mode {
-    /// As on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Mode::Paper => "paper",
-            Mode::Flight => "flight",
-        }
-    }
-}
 
 /// `serve`.
 #[derive(Debug, clap::Args)]

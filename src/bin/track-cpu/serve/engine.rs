@@ -3,8 +3,8 @@
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{BBox, Frame, Model, State, TrackError};
 
-use super::args::Mode;
 use super::report::Tracked;
+use crate::args::Mode;
 use crate::exit::Failure;
 
 /// A tracker that may have no target.
@@ -18,9 +18,7 @@ impl Engine {
     /// If the model's presence coefficients are wrong.
     pub fn new(model: Model, threads: usize, mode: Mode) -> Result<Engine, Failure> {
         let options = FlightOptions { threads, recover: mode == Mode::Flight, ..FlightOptions::new(&model) };
-        let tracker = FlightTracker::new(model, options)
-            .map_err(|error| Failure::Log { log: "weights file".into(), reason: error.to_string() })?;
-        Ok(Engine { tracker, mode })
+        Ok(Engine { tracker: FlightTracker::new(model, options)?, mode })
     }
 
     /// Takes a target.

@@ -21,6 +21,9 @@ use crate::overlay::Canvas;
 /// Frames that may wait to be saved.
 const MAX_WAITING: usize = 8;
 
+/// Most logs of one name.
+const MAX_LOGS: usize = 10_000;
+
 /// Version of the lines.
 pub const VERSION: u64 = 1;
 
@@ -47,14 +50,15 @@ struct Saver {
 }
 
 impl Log {
-    /// Creates the file and writes its first line.
+    /// Creates the file and writes its first line. An earlier flight's log is kept: the new one gets a number.
     ///
     /// # Errors
     /// If the file or the folder cannot be created.
     pub fn create(path: &Path, frames: Option<&Path>, head: &Value) -> Result<Log, Failure> {
-        let file = File::create(path).map_err(|error| Failure::output(path, error))?;
+        let (path, file) = create_new(path)?;
+        eprintln!("log: {}", path.display());
         let saver = frames.map(Saver::start).transpose()?;
-        let mut log = Log { path: path.to_path_buf(), file: BufWriter::new(file), saver };
+        let mut log = Log { path, file: BufWriter::new(file), saver };
         log.line(head)?;
         Ok(log)
     }
@@ -102,6 +106,24 @@ impl Log {
             let _ = thread.join();
         }
     }
+}
+
+/// Creates a file that was not there: `path`, or else with -1, -2 ... before its extension.
+fn create_new(path: &Path) -> Result<(PathBuf, File), Failure> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
+    for number in 0..MAX_LOGS {
+        let numbered = match number {
+            0 => path.to_path_buf(),
+            _ => path.with_file_name(format!("{stem}-{number}{extension}")),
+        };
+        match File::create_new(&numbered) {
+            Ok(file) => return Ok((numbered, file)),
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(Failure::output(&numbered, error)),
+        }
+    }
+    Err(Failure::output(path, format!("{MAX_LOGS} logs of this name are there, expected fewer")))
 }
 
 impl Saver {
@@ -172,6 +194,18 @@ mod tests {
         }
         assert_eq!(read_box(&json!([1, 2, 3])), None);
         assert_eq!(read_box(&json!([1, 2, 3, "4"])), None);
+    }
+
+    #[test]
+    fn an_earlier_log_is_kept() {
+        let path = std::env::temp_dir().join(format!("track-cpu-log-{}.jsonl", std::process::id()));
+        let (first, _) = create_new(&path).unwrap();
+        let (second, _) = create_new(&path).unwrap();
+        assert_eq!(first, path);
+        assert!(second.to_string_lossy().ends_with("-1.jsonl"), "{second:?}");
+        std::fs::remove_file(first).unwrap();
+        std::fs::remove_file(second).unwrap();
+        assert!(create_new(std::path::Path::new("/no/such/folder/x")).is_err());
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! | `engine.rs` | the tracker, run the same way here and in `replay.rs` |
 //! | `hub.rs`, `report.rs` | commands in, reports out |
 //! | `log.rs`, `replay.rs` | the flight log and doing it again |
+//! | `watchdog.rs` | signs of life for systemd |
 //! | `mavlink/` | the camera that autopilots and ground stations see |
 //! | `http/` | the web ground station |
 
@@ -21,6 +22,7 @@ pub mod replay;
 mod report;
 mod slot;
 mod sources;
+mod watchdog;
 
 use std::io::Write;
 use std::net::UdpSocket;
@@ -31,7 +33,7 @@ use serde_json::json;
 use track_cpu::source::SourceError;
 
 use crate::exit::Failure;
-use args::{Mode, ServeArgs};
+use args::ServeArgs;
 use engine::Engine;
 use hub::{Command, Hub};
 use log::{Asked, Log};
@@ -39,6 +41,7 @@ use report::Report;
 use slot::{Next, Shot, Slot};
 use sources::Feed;
 use track_cpu::flight::Budget;
+use watchdog::Watchdog;
 
 /// How long the tracking thread waits for a frame before it looks whether it is to end.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -106,7 +109,9 @@ struct Serving<'a> {
 
 impl Serving<'_> {
     fn until_the_end(&mut self) -> Result<(), Failure> {
+        let mut watchdog = Watchdog::start();
         while !self.hub.is_stopping() {
+            watchdog.live();
             match self.slot.take(PATIENCE) {
                 Next::Nothing => {}
                 Next::Ended(None) => break,
@@ -117,6 +122,7 @@ impl Serving<'_> {
                 Next::Shot(shot) => self.frame(shot)?,
             }
         }
+        watchdog.stopping();
         Ok(())
     }
 
@@ -211,13 +217,5 @@ impl Lines {
             written.map_err(|error| Failure::stdout(&error))?;
         }
         Ok(())
-    }
-}
-
-/// Whether a mode's boxes are the paper's.
-impl Mode {
-    /// The mode of this name.
-    pub fn from_name(name: &str) -> Option<Mode> {
-        [Mode::Paper, Mode::Flight].into_iter().find(|mode| mode.name() == name)
     }
 }

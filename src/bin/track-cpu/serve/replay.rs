@@ -9,11 +9,11 @@ use serde_json::{Value, json};
 use track_cpu::source::{Image, Input, Source};
 use track_cpu::{BBox, ChannelOrder, Isa, Precision};
 
-use super::args::{Mode, ReplayArgs};
+use super::args::ReplayArgs;
 use super::engine::Engine;
 use super::log::{self, Asked};
 use super::sources::parse_flight;
-use crate::args::EngineArgs;
+use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 use crate::report::print;
 use track_cpu::flight::Budget;
