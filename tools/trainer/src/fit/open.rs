@@ -140,7 +140,7 @@ mod tests {
     use super::*;
     use crate::data::Dataset;
     use crate::fit::{Budget, compute, crops_of};
-    use crate::testing::Folder;
+    use crate::testing::{Folder, pictures};
     use autodiff::{Mode, Tape};
     use std::sync::Arc;
     use weights_format::{Encoder, InputNormalisation, Storage, Widths};
@@ -151,11 +151,7 @@ mod tests {
             Architecture { search_size: 191, ..Architecture::new(widths, Some(Encoder::standard(8))) };
         let budget = Budget::Steps(1);
         let options = FitOptions { architecture, early_size: 191, batch: 2, budget, ..FitOptions::cpu() };
-        Fit::start(options, vec!["scenes".into()], data_options()).unwrap()
-    }
-
-    fn data_options() -> DataOptions {
-        DataOptions { pairs_per_flight: 1e6, ..DataOptions::default() }
+        Fit::start(options, vec!["scenes".into()], DataOptions::default()).unwrap()
     }
 
     fn outputs(fit: &Fit, dataset: &Dataset) -> Vec<f32> {
@@ -183,7 +179,8 @@ mod tests {
     fn a_weights_file_is_unfolded_without_a_change() {
         let folder = Folder::new("open");
         let path = folder.path().join("weights.safetensors");
-        let dataset = Arc::new(Dataset::open(&["scenes".parse().unwrap()], data_options()).unwrap());
+        let dataset = Dataset::open(&[pictures(&folder).parse().unwrap()], DataOptions::default());
+        let dataset = Arc::new(dataset.unwrap());
         let mut fit = tiny();
         fit.parameters.iter_mut().find(|p| p.name() == "head.si").unwrap().value.data_mut()[0] = 0.7;
         let mut weights = fit.export(Storage::F32, "tiny", None).unwrap();

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::data::augment::Augment;
-use crate::testing::Folder;
+use crate::testing::{Folder, pictures};
 use weights_format::{Architecture, Encoder, Widths};
 
 fn tiny() -> FitOptions {
@@ -19,28 +19,6 @@ fn tiny() -> FitOptions {
         average: 0.9,
         ..FitOptions::cpu()
     }
-}
-
-/// A few pictures of coloured rectangles with boxes, as an annotation file.
-fn pictures(folder: &Folder) -> String {
-    let mut text = String::from("path,x,y,w,h\n");
-    for i in 0..6u32 {
-        let (x, y, w, h) = (40 + 7 * i, 50 + 5 * i, 30 + 3 * i, 44 - 4 * i);
-        let picture = image::RgbImage::from_fn(180, 160, |px, py| {
-            let inside = (x..x + w).contains(&px) && (y..y + h).contains(&py);
-            let stripes = ((px + py * (i + 1)) / 6 % 2) as u8;
-            if inside {
-                image::Rgb([255 * stripes, 40 * i as u8, 200])
-            } else {
-                image::Rgb([90, 110 + 20 * stripes, 70])
-            }
-        });
-        picture.save(folder.path().join(format!("{i}.png"))).unwrap();
-        text += &format!("{i}.png,{x},{y},{w},{h}\n");
-    }
-    let file = folder.path().join("boxes.csv");
-    std::fs::write(&file, text).unwrap();
-    file.display().to_string()
 }
 
 fn open(fit: &Fit) -> Arc<Dataset> {

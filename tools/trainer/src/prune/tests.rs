@@ -6,7 +6,7 @@ use crate::data::Dataset;
 use crate::fit::{compute, standard};
 use crate::network::StatisticsNets;
 use crate::rng::Rng;
-use crate::testing::{Folder, shared};
+use crate::testing::{Folder, pictures, shared};
 use autodiff::{Mode, Tape, Tensor};
 use std::collections::BTreeMap;
 use weights_format::{Architecture, Encoder, EncoderPosition, Widths};
@@ -130,8 +130,8 @@ fn counts(of: &Fit, count: impl Fn(usize) -> usize) -> Targets {
 }
 
 fn ranks_of(fit: &Fit) -> Ranks {
-    let options = DataOptions { pairs_per_flight: 1e6, ..DataOptions::default() };
-    let dataset = Dataset::open(&["scenes".parse().unwrap()], options).unwrap();
+    let folder = Folder::new("ranks");
+    let dataset = Dataset::open(&[pictures(&folder).parse().unwrap()], DataOptions::default()).unwrap();
     Ranks::measure(fit, &dataset, 3, 2).unwrap()
 }
 

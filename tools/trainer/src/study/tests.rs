@@ -3,7 +3,7 @@
 use super::*;
 use crate::data::DataOptions;
 use crate::fit::{Budget, standard};
-use crate::testing::Folder;
+use crate::testing::{Folder, pictures};
 use crate::validate::{Accuracy, Validation};
 use weights_format::{Architecture, Encoder, Widths};
 
@@ -73,8 +73,8 @@ fn run_options(out: &Path) -> RunOptions {
 #[test]
 fn done_runs_are_skipped_and_others_go_on() {
     let folder = Folder::new("study");
-    let data = vec!["scenes:1".to_owned()];
-    let data_options = DataOptions { pairs_per_flight: 1e6, ..DataOptions::default() };
+    let data = vec![pictures(&folder)];
+    let data_options = DataOptions::default();
     let study = ablation(&tiny(), &data, &data_options, &[1], &VARIANTS.map(String::from));
     let names: Vec<_> = study.variants.iter().map(Variant::name).collect();
     assert_eq!(names, ["full-seed1", "no-mi-seed1", "no-identity-seed1", "no-encoder-seed1"]);
@@ -117,8 +117,8 @@ fn done_runs_are_skipped_and_others_go_on() {
 #[test]
 fn a_sweep_prunes_and_trains_on() {
     let folder = Folder::new("sweep");
-    let data = vec!["scenes:1".to_owned()];
-    let data_options = DataOptions { pairs_per_flight: 1e6, ..DataOptions::default() };
+    let data = vec![pictures(&folder)];
+    let data_options = DataOptions::default();
     let options = FitOptions { architecture: Architecture { search_size: 191, ..standard(0.9) }, ..tiny() };
     let mut source = Fit::start(options.clone(), data.clone(), data_options.clone()).unwrap();
     let mut study =
