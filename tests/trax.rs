@@ -278,6 +278,8 @@ fn a_client_that_goes_is_no_error() {
         assert_eq!(stdout(&output).lines().count(), 1);
     }
     assert_eq!(run(["trax", "--protocol", "2"], b"").status.code(), Some(2));
+    let unusable = run(["trax", "--model", "/nonexistent.safetensors"], b"");
+    assert!(unusable.status.code() == Some(4) && unusable.stdout.is_empty(), "{}", stderr(&unusable));
 }
 
 #[test]

@@ -71,7 +71,7 @@ impl Machine {
 impl std::fmt::Display for Machine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Machine { cpu, cores, os, memory_mib, governor, virtual_machine, load, version, build } = self;
-        write!(f, "{cpu}, {cores} cores")?;
+        write!(f, "{cpu}, {cores} core{}", if *cores == 1 { "" } else { "s" })?;
         if *virtual_machine {
             write!(f, " of a virtual machine")?;
         }

@@ -8,10 +8,13 @@ use std::fs;
 use std::io::{BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 use trax::{Kind, Message, Rectangle, Region};
+
+/// Messages that a program may be ahead of us; one that sends more waits.
+const AHEAD: usize = 16;
 
 /// How long a program may take to end after `quit`.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -84,7 +87,7 @@ impl Server {
         let (Some(to), Some(out)) = (child.stdin.take(), child.stdout.take()) else {
             return Err("no pipes to it".into());
         };
-        let (sender, from) = channel();
+        let (sender, from) = sync_channel(AHEAD);
         thread::spawn(move || {
             let (mut out, mut line) = (BufReader::new(out), Vec::new());
             while let Some(read) = trax::read(&mut out, &mut line).transpose() {

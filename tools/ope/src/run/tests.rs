@@ -163,6 +163,8 @@ fn programs_that_speak_trax() {
     let blind = server("4", ":").replace("trax.image=path", "trax.image=memory");
     let (_, told) = run_command(&sequences[..1], "1/1", &blind, &at("failed"));
     assert!(told.contains("it takes no pictures by their path"), "{told}");
+    let (_, told) = run_command(&sequences[..1], "1/1", "trax:yes @@TRAX:state", &at("failed"));
+    assert!(told.contains("expected hello, found state"), "{told}");
     let (_, told) = run_command(&sequences[..1], "1/1", "trax:/nonexistent/tracker", &at("failed"));
     assert!(told.contains("/nonexistent/tracker"), "{told}");
 }
