@@ -1,5 +1,7 @@
 //! Which instruction set a kernel runs on: detection, and the one dispatch table.
 
+#[cfg(target_arch = "aarch64")]
+use crate::simd::NeonDot;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::{Avx2, Avx2Vnni, Avx512, Avx512Vnni};
 use crate::simd::{Dot, DotKernel, Kernel, Portable, Simd};
@@ -11,6 +13,9 @@ use crate::simd::{Dot, DotKernel, Kernel, Portable, Simd};
 pub enum Isa {
     /// Whatever the compiler's target has: SSE2 on x86-64, NEON on aarch64.
     Portable(Portable),
+    /// NEON with dot products of bytes.
+    #[cfg(target_arch = "aarch64")]
+    NeonDot(NeonDot),
     /// AVX2 with FMA: 8 lanes, 16 registers.
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
@@ -50,6 +55,8 @@ impl Isa {
     pub fn available() -> Vec<Isa> {
         let all = [
             Some(Isa::Portable(Portable)),
+            #[cfg(target_arch = "aarch64")]
+            NeonDot::detect().map(Isa::NeonDot),
             #[cfg(target_arch = "x86_64")]
             Avx2::detect().map(Isa::Avx2),
             #[cfg(target_arch = "x86_64")]
@@ -80,6 +87,8 @@ impl Isa {
     pub fn name(self) -> &'static str {
         match self {
             Isa::Portable(_) => "portable",
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonDot(_) => "neon-dotprod",
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(_) => "avx2",
             #[cfg(target_arch = "x86_64")]
@@ -96,6 +105,8 @@ impl Isa {
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Isa::Portable(simd) => kernel.run(simd),
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonDot(_) => kernel.run(Portable),
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(simd) => simd.enter(kernel),
             #[cfg(target_arch = "x86_64")]
@@ -112,6 +123,8 @@ impl Isa {
     pub fn run_dot<K: DotKernel>(self, kernel: K) -> K::Output {
         match self {
             Isa::Portable(dot) => kernel.run(dot),
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonDot(dot) => dot.enter_dot(kernel),
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(dot) => dot.enter_dot(kernel),
             #[cfg(target_arch = "x86_64")]
@@ -128,6 +141,8 @@ impl Isa {
         match self {
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2Vnni(_) | Isa::Avx512Vnni(_) => true,
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonDot(_) => true,
             _ => false,
         }
     }
@@ -141,14 +156,19 @@ impl Isa {
                 S::LANES
             }
         }
-        impl DotKernel for Lanes {
-            type Output = usize;
-            fn run<D: Dot>(self, _: D) -> usize {
-                D::Float::LANES
+        self.run(Lanes)
+    }
+
+    /// What dot products of bytes take off each activation ([`Dot::OFFSET`]).
+    pub(crate) fn dot_offset(self) -> i32 {
+        struct Offset;
+        impl DotKernel for Offset {
+            type Output = i32;
+            fn run<D: Dot>(self, _: D) -> i32 {
+                D::OFFSET
             }
         }
-        debug_assert_eq!(self.run(Lanes), self.run_dot(Lanes));
-        self.run(Lanes)
+        self.run_dot(Offset)
     }
 }
 

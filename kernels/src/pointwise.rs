@@ -13,11 +13,9 @@ pub fn widen(pixels: &[u8], out: &mut [f32]) {
     }
 }
 
-/// `x = 1 / (1 + exp(-x))`, in place.
-pub fn sigmoid(x: &mut [f32]) {
-    for value in x {
-        *value = 1.0 / (1.0 + (-*value).exp());
-    }
+/// `1 / (1 + exp(-x))`.
+pub fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x).exp())
 }
 
 /// `x = factor * exp(x)`, in place.
@@ -35,17 +33,15 @@ mod tests {
     #[test]
     fn equal_the_reference() {
         let x: Vec<f32> = (-80..80).map(|i| i as f32 / 4.0).collect();
-        let mut s = x.clone();
-        sigmoid(&mut s);
+        let s: Vec<f32> = x.iter().map(|v| sigmoid(*v)).collect();
         let expected: Vec<_> = x.iter().map(|v| 1.0 / (1.0 + f64::from(-v).exp())).collect();
         assert_close(&s, &expected, 1e-6, "sigmoid");
         let mut e = x.clone();
         scaled_exp(&mut e, 8.0);
         let expected: Vec<_> = x.iter().map(|v| 8.0 * f64::from(*v).exp()).collect();
         assert_close(&e, &expected, 1e-6, "exp");
-        let mut extremes = [f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30];
-        sigmoid(&mut extremes);
-        assert_eq!(extremes, [1.0, 0.0, 1.0, 0.0]);
+        let extremes = [f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30];
+        assert_eq!(extremes.map(sigmoid), [1.0, 0.0, 1.0, 0.0]);
     }
 
     #[test]

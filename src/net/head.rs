@@ -44,13 +44,9 @@ impl Head {
 
         outputs.ltrb.copy_from_slice(maps.offsets.values());
         scaled_exp(&mut outputs.ltrb, Architecture::TOTAL_STRIDE as f32);
-        outputs.score.copy_from_slice(maps.score.values());
-        sigmoid(&mut outputs.score);
-        let centerness = maps.centerness.values();
-        for (score, logit) in outputs.score.iter_mut().zip(centerness) {
-            let mut centerness = [*logit];
-            sigmoid(&mut centerness);
-            *score *= centerness[0];
+        let logits = maps.score.values().iter().zip(maps.centerness.values());
+        for (value, (score, centerness)) in outputs.score.iter_mut().zip(logits) {
+            *value = sigmoid(*score) * sigmoid(*centerness);
         }
     }
 }

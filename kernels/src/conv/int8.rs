@@ -31,13 +31,13 @@ pub(super) struct Weights {
 impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32], input: Quantization) -> Weights {
-        let lanes = isa.lanes();
+        let (lanes, offset) = (isa.lanes(), isa.dot_offset());
         let row_len = shape.kernel * shape.in_channels;
         let vectors = shape.out_channels.div_ceil(lanes);
         let rounded: Vec<(Vec<i8>, f32)> = weights.chunks_exact(shape.window()).map(round).collect();
         let sum = |row: &[i8]| row.iter().map(|w| i32::from(*w)).sum::<i32>();
         let mut start: Vec<i32> =
-            rounded.iter().map(|(row, _)| -i32::from(input.zero_point) * sum(row)).collect();
+            rounded.iter().map(|(row, _)| (offset - i32::from(input.zero_point)) * sum(row)).collect();
         start.resize(vectors * lanes, 0);
         let quad = |output: usize, ky: usize, group: usize| {
             let mut quad = [0; 4];

@@ -244,41 +244,19 @@ impl Conv {
         assert_eq!(input.len(), size.area() * shape.in_channels, "input of {shape:?}");
         assert_eq!(out.len(), out_size.area() * shape.out_channels, "output of {shape:?}");
         let (prepared, scratch) = scratch.split_at_mut(self.prepared_len(size));
-        if let Packed::Int8(weights) = &self.weights {
-            let bytes = bytemuck::cast_slice_mut(prepared);
-            self.quantize(threads, input, size, weights.input, bytes);
-            let (input, size) = (&*bytes, shape.padded(size));
-            threads.split_rows(out, out_size.w * shape.out_channels, |first_row, out| {
-                let bias = &self.bias;
-                self.isa.run_dot(int8::Int8 { shape, weights, bias, input, size, first_row, out });
-            });
-            return out_size;
-        }
-        let (input, size) = if shape.pad > 0 {
-            pad(shape, input, size, prepared);
-            (&*prepared, shape.padded(size))
-        } else {
-            (input, size)
-        };
+        let row_len = out_size.w * shape.out_channels;
+        let bias = &self.bias;
         match &self.weights {
             Packed::Direct(weights) => {
-                threads.split_rows(out, out_size.w * shape.out_channels, |first_row, out| {
-                    self.isa.run(direct::Direct {
-                        shape,
-                        weights,
-                        bias: &self.bias,
-                        input,
-                        size,
-                        first_row,
-                        out,
-                    });
+                let (input, size) = self.pad(input, size, prepared);
+                threads.split_rows(out, row_len, |first_row, out| {
+                    self.isa.run(direct::Direct { shape, weights, bias, input, size, first_row, out });
                 });
             }
             Packed::Winograd(weights) => {
+                let (input, size) = self.pad(input, size, prepared);
                 let unit = winograd::rows_per_tile(shape, weights.points());
-                let row_len = out_size.w * shape.out_channels;
                 threads.split_rows_with(out, row_len, unit, scratch, |first_row, out, scratch| {
-                    let bias = &self.bias;
                     self.isa.run(winograd::Winograd {
                         shape,
                         weights,
@@ -292,11 +270,33 @@ impl Conv {
                 });
             }
             Packed::Im2col(weights) => {
-                im2col::run(threads, shape, weights, &self.bias, input, size, out, scratch)
+                let (input, size) = self.pad(input, size, prepared);
+                im2col::run(threads, shape, weights, bias, input, size, out, scratch);
             }
-            Packed::Int8(_) => unreachable!("done above"),
+            Packed::Int8(weights) => {
+                let bytes = bytemuck::cast_slice_mut(prepared);
+                self.quantize(threads, input, size, weights.input, bytes);
+                let (input, size) = (&*bytes, shape.padded(size));
+                threads.split_rows(out, row_len, |first_row, out| {
+                    self.isa.run_dot(int8::Int8 { shape, weights, bias, input, size, first_row, out });
+                });
+            }
         }
         out_size
+    }
+
+    /// `input` with its padding, in `padded`; without any, as it is.
+    fn pad<'a>(&self, input: &'a [f32], size: Size, padded: &'a mut [f32]) -> (&'a [f32], Size) {
+        let (c, pad) = (self.shape.in_channels, self.shape.pad);
+        if pad == 0 {
+            return (input, size);
+        }
+        let row = (size.w + 2 * pad) * c;
+        padded.fill(0.0);
+        for (from, to) in input.chunks_exact(size.w * c).zip(padded[pad * row..].chunks_exact_mut(row)) {
+            to[pad * c..][..from.len()].copy_from_slice(from);
+        }
+        (padded, self.shape.padded(size))
     }
 
     /// Quantizes `input` into the middle of `bytes`, the byte that stands for 0 around it.
@@ -314,16 +314,6 @@ impl Conv {
             bytes.fill(quantization.zero_point);
         }
         quantize(self.isa, threads, input, quantization, rows, &mut bytes[pad * rows.out_row_len..]);
-    }
-}
-
-/// Copies `input` into the middle of `padded`, zeros around it.
-fn pad(shape: &ConvShape, input: &[f32], size: Size, padded: &mut [f32]) {
-    let (c, pad) = (shape.in_channels, shape.pad);
-    let row = (size.w + 2 * pad) * c;
-    padded.fill(0.0);
-    for (from, to) in input.chunks_exact(size.w * c).zip(padded[pad * row..].chunks_exact_mut(row)) {
-        to[pad * c..][..from.len()].copy_from_slice(from);
     }
 }
 

@@ -11,12 +11,16 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::{Avx2, Avx2Vnni};
 #[cfg(target_arch = "x86_64")]
 pub use avx512::{Avx512, Avx512Vnni};
+#[cfg(target_arch = "aarch64")]
+pub use neon::NeonDot;
 pub use portable::Portable;
 
 /// A computation whose body is compiled once per instruction set.
@@ -107,6 +111,10 @@ pub trait Dot: Copy + Send + Sync + 'static {
     /// As [`Simd::TILE_PIXELS`].
     const TILE_PIXELS: [usize; 4];
 
+    /// What [`splat`](Self::splat) takes off each activation, so that it fits a signed byte; whoever sums adds it back,
+    /// times the weights.
+    const OFFSET: i32 = 0;
+
     /// The proof for the `f32` side.
     fn float(self) -> Self::Float;
 
@@ -119,7 +127,7 @@ pub trait Dot: Copy + Send + Sync + 'static {
     /// The first `LANES` sums. Panics if there are fewer.
     fn sums(self, from: &[i32]) -> Self::I32;
 
-    /// `sum + x[0] w[0] + x[1] w[1] + x[2] w[2] + x[3] w[3]`, in every lane.
+    /// `sum + x[0] w[0] + x[1] w[1] + x[2] w[2] + x[3] w[3]`, in every lane, each `x` less [`OFFSET`](Self::OFFSET).
     fn dot(self, x: Self::Bytes, w: Self::Weights, sum: Self::I32) -> Self::I32;
 
     /// Every sum rounded to `f32`.
@@ -211,8 +219,8 @@ mod tests {
                 let sum = dot.dot(bytes, lanes, dot.dot(bytes, lanes, dot.sums(&start)));
                 let mut found = vec![f32::NAN; n];
                 dot.float().store(dot.to_f32(sum), &mut found);
-                let product =
-                    |w: &[i8; 4]| -> i32 { (0..4).map(|i| i32::from(x[i]) * i32::from(w[i])).sum() };
+                let term = |w: &[i8; 4], i: usize| (i32::from(x[i]) - D::OFFSET) * i32::from(w[i]);
+                let product = |w: &[i8; 4]| -> i32 { (0..4).map(|i| term(w, i)).sum() };
                 let expected: Vec<f32> =
                     weights.iter().zip(&start).map(|(w, s)| (s + 2 * product(w)) as f32).collect();
                 assert_eq!(found, expected);

@@ -1,0 +1,88 @@
+//! Dot products of bytes on aarch64: `sdot` (ARMv8.2 dotprod: Cortex-A76, Raspberry Pi 5, RK3588, Orin and later). `f32` there
+//! is [`Portable`], which is NEON.
+
+use super::{Dot, DotKernel, Portable};
+use std::arch::aarch64::*;
+use std::arch::asm;
+
+/// Proof that this machine has the dotprod instructions beside NEON.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NeonDot(());
+
+impl NeonDot {
+    /// The proof, if the machine has the instructions.
+    pub fn detect() -> Option<NeonDot> {
+        std::arch::is_aarch64_feature_detected!("dotprod").then_some(NeonDot(()))
+    }
+
+    /// Runs `kernel` in a function that is compiled with these instructions.
+    #[inline]
+    pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "neon,dotprod")]
+        fn inner<K: DotKernel>(dot: NeonDot, kernel: K) -> K::Output {
+            kernel.run(dot)
+        }
+        // SAFETY: a `NeonDot` exists only where `detect` has found dotprod; NEON is part of aarch64.
+        unsafe { inner(self, kernel) }
+    }
+}
+
+/// `sdot` multiplies signed bytes by signed ones, so activations are taken 128 lower.
+impl Dot for NeonDot {
+    type Float = Portable;
+    type I32 = int32x4_t;
+    type Bytes = int8x16_t;
+    type Weights = int8x16_t;
+    const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
+    const OFFSET: i32 = 128;
+
+    #[inline(always)]
+    fn float(self) -> Portable {
+        Portable
+    }
+
+    #[inline(always)]
+    fn splat(self, x: [u8; 4]) -> int8x16_t {
+        let lower = u32::from_ne_bytes(x) ^ 0x8080_8080;
+        // SAFETY: NEON is part of aarch64.
+        unsafe { vreinterpretq_s8_u32(vdupq_n_u32(lower)) }
+    }
+
+    #[inline(always)]
+    fn load(self, weights: &[[i8; 4]]) -> int8x16_t {
+        assert!(weights.len() >= 4);
+        // SAFETY: four times four bytes are there, the load is unaligned, NEON is part of aarch64.
+        unsafe { vld1q_s8(weights.as_ptr().cast()) }
+    }
+
+    #[inline(always)]
+    fn sums(self, from: &[i32]) -> int32x4_t {
+        assert!(from.len() >= 4);
+        // SAFETY: four values are there, the load is unaligned, NEON is part of aarch64.
+        unsafe { vld1q_s32(from.as_ptr()) }
+    }
+
+    #[inline(always)]
+    fn dot(self, x: int8x16_t, w: int8x16_t, mut sum: int32x4_t) -> int32x4_t {
+        // The intrinsic `vdotq_s32` is not stable.
+        // SAFETY: `self` proves dotprod; registers only.
+        unsafe {
+            asm!(
+                "sdot {sum:v}.4s, {x:v}.16b, {w:v}.16b",
+                sum = inout(vreg) sum,
+                x = in(vreg) x,
+                w = in(vreg) w,
+                options(pure, nomem, nostack, preserves_flags)
+            );
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn to_f32(self, sum: int32x4_t) -> wide::f32x4 {
+        let mut lanes = [0; 4];
+        // SAFETY: there is room for four values, NEON is part of aarch64.
+        unsafe { vst1q_s32(lanes.as_mut_ptr(), sum) }
+        wide::f32x4::from_i32x4(wide::i32x4::new(lanes))
+    }
+}
