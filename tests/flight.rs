@@ -122,3 +122,27 @@ fn no_target_is_an_error_and_strange_frames_are_none() {
     tracker.stop();
     assert_eq!(tracker.update(&frame(&frames[0]), budget), Err(TrackError::NoTarget));
 }
+
+#[test]
+fn track_tells_presence_and_state_in_flight_mode_only() {
+    use std::io::Write;
+    use std::process::{Command, Stdio};
+    let run = |mode: &str| -> Vec<serde_json::Value> {
+        let args =
+            ["track", "--input", "-", "--raw", "64x48", "--pix", "gray", "--init", "20,15,20,16", "--json"];
+        let mut command = Command::new(env!("CARGO_BIN_EXE_track-cpu"));
+        command.args(args).args(["--mode", mode]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut program = command.stderr(Stdio::null()).spawn().unwrap();
+        let pixels: Vec<u8> = (0..64 * 48 * 3).map(|i| (i * 31 % 251) as u8).collect();
+        program.stdin.take().unwrap().write_all(&pixels).unwrap();
+        let output = program.wait_with_output().unwrap();
+        assert!(output.status.success());
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    };
+    let (paper, flight) = (run("paper"), run("flight"));
+    assert_eq!((paper.len(), flight.len()), (3, 3));
+    assert!(paper.iter().all(|line| line.get("presence").is_none() && line.get("state").is_none()));
+    assert!(flight.iter().all(|line| line["presence"].is_number() && line["state"].is_string()));
+    assert_eq!(flight[0]["state"], "tracking");
+}

@@ -61,7 +61,16 @@ fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
     let plain = Presence { bias, weights, memory: 0.0, gain: 1.0, shift: 0.0 };
     let tried = MEMORIES.iter().map(|&memory| smooth(plain, memory, flights));
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(best.map_or(plain, |(_, presence)| presence))
+    Ok(rounded(best.map_or(plain, |(_, presence)| presence)))
+}
+
+/// Six significant digits are more than the fit is worth.
+fn rounded(mut presence: Presence) -> Presence {
+    let Presence { bias, weights, gain, shift, .. } = &mut presence;
+    for number in [bias, gain, shift].into_iter().chain(weights) {
+        *number = format!("{number:.5e}").parse().unwrap_or(*number);
+    }
+    presence
 }
 
 /// The model with gain and shift for its memory, and its mean loss.

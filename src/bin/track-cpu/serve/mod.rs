@@ -12,7 +12,21 @@
 //! | `http/` | the web ground station |
 
 pub mod args;
+#[cfg(target_os = "linux")]
 mod camera;
+#[cfg(not(target_os = "linux"))]
+mod camera {
+    //! No cameras but through a pipe.
+
+    /// Says so.
+    pub fn run(
+        path: &std::path::Path,
+        _: Option<(usize, usize)>,
+        _: &mut super::sources::Filler<'_>,
+    ) -> Result<(), String> {
+        Err(format!("{}: cameras are read on Linux only: pipe the frames in (--input -)", path.display()))
+    }
+}
 mod engine;
 mod http;
 mod hub;
