@@ -280,8 +280,9 @@ mod tests {
         // All bytes 255, all weights 127 and -127: sums of a few million.
         let shape =
             ConvShape { in_channels: 64, out_channels: 18, kernel: 5, stride: 1, pad: 0, relu: false };
-        let weights: Vec<f32> =
-            (0..18 * shape.window()).map(|i| if i / shape.window() % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let weights: Vec<f32> = (0..18 * shape.window())
+            .map(|i| if (i / shape.window()).is_multiple_of(2) { 1.0 } else { -1.0 })
+            .collect();
         let size = Size::square(6);
         let input = vec![255.0; size.area() * 64];
         for isa in Isa::available() {
