@@ -254,6 +254,31 @@ fn a_weights_file_of_ones_own() {
 }
 
 #[test]
+fn bytes_where_the_model_allows_them() {
+    use weights_format::{Architecture, Weights, Widths};
+    let bench = |more: &[&str]| {
+        let output = run(["bench", "--frames", "2", "--json"].iter().chain(more), b"");
+        (output.status.code(), stdout(&output), stderr(&output))
+    };
+    for (precision, algorithm) in [("int8", "int8"), ("f32", "direct")] {
+        let (code, json, errors) = bench(&["--widths", "P90", "--precision", precision]);
+        assert_eq!(code, Some(0), "{errors}");
+        let object: Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(object["precision"], precision);
+        let layers = object["layers"].as_array().unwrap();
+        let of = |name: &str| layers.iter().find(|layer| layer["name"] == name).unwrap()["algorithm"].clone();
+        assert_eq!(of("backbone.conv1"), algorithm);
+        assert_eq!(of("head.score"), "direct");
+    }
+    let file = folder("cli-precision").join("plain.safetensors");
+    Weights::random(Architecture::new(Widths::pruned(0.9), None), 5).write(&file).unwrap();
+    let (code, _, errors) = bench(&["--model", text(&file), "--precision", "int8"]);
+    assert!(code == Some(4) && errors.contains("train quantize"), "{code:?} {errors}");
+    let (code, _, errors) = bench(&["--precision", "int4"]);
+    assert!(code == Some(2) && errors.contains("expected f32 or int8"), "{code:?} {errors}");
+}
+
+#[test]
 fn bench_reports_everything() {
     let args = ["bench", "--frames", "4", "--widths", "P90", "--encoder", "3x3", "--json"];
     let output = run(args, b"");
