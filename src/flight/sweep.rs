@@ -88,7 +88,7 @@ mod tests {
         let mut sweep = Sweep::default();
         sweep.plan((640, 360), 68.0, (300.0, 200.0), 70.0);
         let tiles = all(&mut sweep);
-        assert!(tiles.len() < 16 && tiles[0].1 == 1.0, "{tiles:?}");
+        assert!(tiles.len() < 24 && tiles[0].1 == 1.0, "{tiles:?}");
         sweep.plan((640, 360), 68.0, (-900.0, 200.0), 70.0);
         assert_eq!(all(&mut sweep).len(), 1);
     }
