@@ -4,7 +4,7 @@ use crate::net::backbone::BackboneMaps;
 use crate::net::dr::DrMaps;
 use crate::net::head::HeadMaps;
 use crate::net::neck::NeckMaps;
-use kernels::conv::Conv;
+use kernels::conv::{Algorithm, Conv, Input, Output, SLACK};
 use kernels::par::Threads;
 use kernels::{Isa, Size, pointwise, pool, xcorr};
 
@@ -12,18 +12,19 @@ use kernels::{Isa, Size, pointwise, pool, xcorr};
 #[derive(Clone, Debug)]
 pub struct Map {
     values: Vec<f32>,
+    bytes: Vec<u8>, // instead of `values`, where the next layer reads bytes
     size: Size,
     channels: usize,
 }
 
 impl Default for Map {
     fn default() -> Map {
-        Map { values: Vec::new(), size: Size { h: 0, w: 0 }, channels: 0 }
+        Map { values: Vec::new(), bytes: Vec::new(), size: Size { h: 0, w: 0 }, channels: 0 }
     }
 }
 
 impl Map {
-    /// All values, HWC.
+    /// All values, HWC; none where they pass as bytes from one `int8` convolution to the next.
     pub fn values(&self) -> &[f32] {
         &self.values
     }
@@ -40,9 +41,24 @@ impl Map {
 
     /// Takes a new shape; allocates only beyond the largest one so far.
     fn reshape(&mut self, size: Size, channels: usize) -> &mut [f32] {
+        self.bytes.clear();
         self.values.resize(size.area() * channels, 0.0);
         (self.size, self.channels) = (size, channels);
         &mut self.values
+    }
+
+    /// Takes a new shape for bytes.
+    fn reshape_bytes(&mut self, size: Size, channels: usize) -> &mut [u8] {
+        let len = size.area() * channels;
+        self.values.clear();
+        self.bytes.resize(len + SLACK, 0);
+        (self.size, self.channels) = (size, channels);
+        &mut self.bytes[..len]
+    }
+
+    /// What the next convolution reads.
+    fn input(&self) -> Input<'_> {
+        if self.bytes.is_empty() { Input::Floats(&self.values) } else { Input::Bytes(&self.bytes) }
     }
 }
 
@@ -55,18 +71,47 @@ pub(crate) struct Context {
 
 impl Context {
     pub(crate) fn conv(&mut self, threads: &Threads, conv: &Conv, from: &Map, to: &mut Map) {
-        let shape = conv.shape();
-        let out = to.reshape(shape.out_size(from.size), shape.out_channels);
-        let needed = conv.scratch_len(from.size, threads);
-        if self.conv.len() < needed {
-            self.conv.resize(needed, 0.0);
+        let out = to.reshape(conv.shape().out_size(from.size), conv.shape().out_channels);
+        let scratch = self.scratch(conv.scratch_len(from.size, threads));
+        conv.run_between(threads, from.input(), from.size, Output::Floats(out), scratch);
+    }
+
+    /// A convolution whose output `next` reads, and nobody else: as bytes, if both compute in them.
+    pub(crate) fn conv_for(&mut self, threads: &Threads, conv: &Conv, next: &Conv, from: &Map, to: &mut Map) {
+        let (Algorithm::Int8(_), Algorithm::Int8(quantization)) = (conv.algorithm(), next.algorithm()) else {
+            return self.conv(threads, conv, from, to);
+        };
+        let out = to.reshape_bytes(conv.shape().out_size(from.size), conv.shape().out_channels);
+        let scratch = self.scratch(conv.scratch_len(from.size, threads));
+        conv.run_between(threads, from.input(), from.size, Output::Bytes(out, quantization), scratch);
+    }
+
+    fn scratch(&mut self, len: usize) -> &mut [f32] {
+        if self.conv.len() < len {
+            self.conv.resize(len, 0.0);
         }
-        conv.run(threads, &from.values, from.size, out, &mut self.conv[..needed]);
+        &mut self.conv[..len]
     }
 
     pub(crate) fn max_pool(&self, threads: &Threads, from: &Map, to: &mut Map) {
-        let out = to.reshape(pool::out_size(from.size), from.channels);
-        pool::max_pool(self.isa, threads, &from.values, from.size, from.channels, out);
+        let (size, channels) = (from.size, from.channels);
+        match from.input() {
+            Input::Floats(values) => {
+                let out = to.reshape(pool::out_size(size), channels);
+                pool::max_pool(self.isa, threads, values, size, channels, out);
+            }
+            Input::Bytes(bytes) => {
+                let out = to.reshape_bytes(pool::out_size(size), channels);
+                pool::max_pool_bytes(
+                    self.isa,
+                    threads,
+                    &bytes[..size.area() * channels],
+                    size,
+                    channels,
+                    out,
+                );
+            }
+        }
     }
 
     pub(crate) fn xcorr(&self, threads: &Threads, search: &Map, template: &Map, to: &mut Map) {
@@ -102,9 +147,13 @@ impl Scratch {
         }
     }
 
-    /// Makes `crop` (`[side, side, 3]`) the backbone's input.
-    pub(crate) fn set_crop(&mut self, crop: &[u8], side: usize) {
-        pointwise::widen(crop, self.backbone.crop.reshape(Size::square(side), 3));
+    /// Makes `crop` (`[side, side, 3]`) the backbone's input, which `conv1` reads.
+    pub(crate) fn set_crop(&mut self, crop: &[u8], side: usize, conv1: &Conv) {
+        let map = &mut self.backbone.crop;
+        match conv1.algorithm() {
+            Algorithm::Int8(_) => map.reshape_bytes(Size::square(side), 3).copy_from_slice(crop),
+            _ => pointwise::widen(crop, map.reshape(Size::square(side), 3)),
+        }
     }
 
     /// Every map by its layer's name.

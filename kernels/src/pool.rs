@@ -46,6 +46,60 @@ pub fn max_pool(
     out_size
 }
 
+/// As [`max_pool`], on bytes. A maximum commutes with quantization, so either may come first.
+///
+/// Panics if a length is not that of its shape.
+pub fn max_pool_bytes(
+    isa: Isa,
+    threads: &Threads,
+    input: &[u8],
+    size: Size,
+    channels: usize,
+    out: &mut [u8],
+) -> Size {
+    let out_size = out_size(size);
+    assert_eq!(input.len(), size.area() * channels, "input of max_pool");
+    assert_eq!(out.len(), out_size.area() * channels, "output of max_pool");
+    threads.split_rows(out, out_size.w * channels, |first_row, out| {
+        isa.run(MaxPoolBytes { input, size, channels, first_row, out });
+    });
+    out_size
+}
+
+/// Some rows of one max-pool of bytes.
+struct MaxPoolBytes<'a> {
+    input: &'a [u8], // [size.h, size.w, channels]
+    size: Size,
+    channels: usize,
+    first_row: usize,  // of the output, that `out` starts at
+    out: &'a mut [u8], // [rows, W', channels]
+}
+
+impl Kernel for MaxPoolBytes<'_> {
+    type Output = ();
+
+    /// Plain loops over the channels: compiled for the instruction set, they become its byte maxima.
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let MaxPoolBytes { input, size, channels, first_row, out } = self;
+        for (y, row) in out.chunks_exact_mut(out_size(size).w * channels).enumerate() {
+            let top = 2 * (first_row + y);
+            for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
+                let left = 2 * x;
+                pixel.fill(0);
+                for iy in top..(top + 3).min(size.h) {
+                    for ix in left..(left + 3).min(size.w) {
+                        let from = &input[(iy * size.w + ix) * channels..][..channels];
+                        for (max, value) in pixel.iter_mut().zip(from) {
+                            *max = (*max).max(*value);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
 impl Kernel for MaxPool<'_> {
     type Output = ();
 
@@ -95,6 +149,22 @@ mod tests {
                         assert_close(&out, &expected, 0.0, &format!("{channels} channels, {size:?}, {isa}"));
                     }
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_give_what_floats_give() {
+        for (channels, h, w) in [(1, 3, 3), (5, 4, 6), (48, 9, 10), (130, 5, 7)] {
+            let size = Size { h, w };
+            let bytes: Vec<u8> =
+                noise(size.area() * channels, 5).iter().map(|v| (v * 127.0 + 128.0) as u8).collect();
+            let floats: Vec<f32> = bytes.iter().map(|b| f32::from(*b)).collect();
+            let expected = crate::reference::max_pool(size, channels, &floats);
+            for isa in Isa::available() {
+                let mut out = vec![9; expected.len()];
+                max_pool_bytes(isa, &Threads::new(1), &bytes, size, channels, &mut out);
+                assert!(out.iter().zip(&expected).all(|(o, e)| f64::from(*o) == *e), "{isa}");
             }
         }
     }

@@ -28,12 +28,12 @@ pub(crate) struct BackboneMaps {
 
 impl Backbone {
     pub(crate) fn run(&self, context: &mut Context, threads: &Threads, maps: &mut BackboneMaps) {
-        context.conv(threads, &self.conv1, &maps.crop, &mut maps.conv1);
+        context.conv_for(threads, &self.conv1, &self.conv2, &maps.crop, &mut maps.conv1);
         context.max_pool(threads, &maps.conv1, &mut maps.pool1);
-        context.conv(threads, &self.conv2, &maps.pool1, &mut maps.conv2);
+        context.conv_for(threads, &self.conv2, &self.conv3, &maps.pool1, &mut maps.conv2);
         context.max_pool(threads, &maps.conv2, &mut maps.pool2);
-        context.conv(threads, &self.conv3, &maps.pool2, &mut maps.conv3);
-        context.conv(threads, &self.conv4, &maps.conv3, &mut maps.conv4);
+        context.conv_for(threads, &self.conv3, &self.conv4, &maps.pool2, &mut maps.conv3);
+        context.conv_for(threads, &self.conv4, &self.conv5, &maps.conv3, &mut maps.conv4);
         context.conv(threads, &self.conv5, &maps.conv4, &mut maps.conv5);
     }
 }

@@ -53,7 +53,7 @@ impl Head {
 
 fn tower(convs: &[Conv; 3], context: &mut Context, threads: &Threads, response: &Map, maps: &mut [Map; 3]) {
     let [a, b, c] = maps;
-    context.conv(threads, &convs[0], response, a);
-    context.conv(threads, &convs[1], a, b);
+    context.conv_for(threads, &convs[0], &convs[1], response, a);
+    context.conv_for(threads, &convs[1], &convs[2], a, b);
     context.conv(threads, &convs[2], b, c);
 }

@@ -105,7 +105,7 @@ impl Network {
         let Network { model, threads, scratch, template, .. } = self;
         threads.enter(|| {
             let layers = model.layers();
-            scratch.set_crop(crop, model.architecture().template_size);
+            scratch.set_crop(crop, model.architecture().template_size, &layers.backbone.conv1);
             let Scratch { context, backbone, encoded, encoded_neck, neck, .. } = scratch;
             layers.backbone.run(context, threads, backbone);
             let features = layers.encoder.template(context, threads, &backbone.conv5, encoded);
@@ -131,7 +131,7 @@ impl Network {
         threads.enter(|| {
             let mut lap = Lap::start();
             let layers = model.layers();
-            scratch.set_crop(crop, model.architecture().search_size);
+            scratch.set_crop(crop, model.architecture().search_size, &layers.backbone.conv1);
             let Scratch { context, backbone, encoded, encoded_neck, neck, response, head } = scratch;
 
             layers.backbone.run(context, threads, backbone);

@@ -17,7 +17,7 @@ use crate::simd::{Dot, DotKernel, Simd};
 use crate::{Isa, Size};
 
 /// Bytes that must follow the input, because windows are read four bytes at a time.
-pub(super) const SLACK: usize = 3;
+pub const SLACK: usize = 3;
 
 /// Weights as the tiles read them: `[block][kernel row][quads of a row][vectors of the block * LANES]`.
 #[derive(Clone, Debug)]
@@ -76,22 +76,66 @@ fn quads_per_row(shape: &ConvShape) -> usize {
 }
 
 /// Some rows of one convolution without padding.
-pub(super) struct Int8<'a> {
+pub(super) struct Int8<'a, T: To> {
     pub shape: &'a ConvShape,
     pub weights: &'a Weights,
     pub bias: &'a [f32], // [Cout]
     pub input: &'a [u8], // [size.h, size.w, Cin], padding included, and `SLACK` bytes
     pub size: Size,
-    pub first_row: usize,   // of the output, that `out` starts at
-    pub out: &'a mut [f32], // [rows, W', Cout]
+    pub first_row: usize, // of the output, that `out` starts at
+    pub to: T,
+    pub out: &'a mut [T::Value], // [rows, W', Cout]
 }
 
-impl DotKernel for Int8<'_> {
+/// What the outputs become.
+pub(super) trait To: Copy + Sync {
+    /// One output.
+    type Value: Send;
+
+    /// Writes a vector, or as much of it as there is room for.
+    fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [Self::Value]);
+}
+
+/// `f32` as they are.
+#[derive(Clone, Copy)]
+pub(super) struct Floats;
+
+impl To for Floats {
+    type Value = f32;
+
+    #[inline(always)]
+    fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [f32]) {
+        if out.len() >= S::LANES { simd.store(y, out) } else { simd.store_partial(y, out) }
+    }
+}
+
+/// Bytes, for a convolution that reads such: what `quantize` would make of the `f32`.
+#[derive(Clone, Copy)]
+pub(super) struct Bytes(pub Quantization);
+
+impl To for Bytes {
+    type Value = u8;
+
+    #[inline(always)]
+    fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [u8]) {
+        let (factor, zero) = (simd.splat(1.0 / self.0.scale), simd.splat(f32::from(self.0.zero_point)));
+        let q = simd.mul_add(y, factor, zero);
+        if out.len() >= S::LANES {
+            simd.store_bytes(q, out);
+        } else {
+            let mut lanes = [0; 64];
+            simd.store_bytes(q, &mut lanes);
+            out.copy_from_slice(&lanes[..out.len()]);
+        }
+    }
+}
+
+impl<T: To> DotKernel for Int8<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn run<D: Dot>(self, dot: D) {
-        let Int8 { shape, weights, bias, input, size, first_row, out } = self;
+        let Int8 { shape, weights, bias, input, size, first_row, to, out } = self;
         let (channels, lanes) = (shape.out_channels, D::Float::LANES);
         let width = (size.w - shape.kernel) / shape.stride + 1;
         let steps = shape.kernel * quads_per_row(shape);
@@ -118,6 +162,7 @@ impl DotKernel for Int8<'_> {
                         scale: &weights.scale[first..][..used],
                         bias: &bias[first..][..used],
                         relu: shape.relu,
+                        to,
                         out: &mut row[x * channels + first..],
                         out_step: channels,
                     };
@@ -131,7 +176,7 @@ impl DotKernel for Int8<'_> {
 }
 
 /// One register tile: neighbouring pixels x a block of channels.
-struct Tile<'a> {
+struct Tile<'a, T: To> {
     input: &'a [u8],        // from the first pixel's window on
     pixel_step: usize,      // from one pixel's window to the next one's
     row_step: usize,        // from one row of the window to the next
@@ -142,11 +187,12 @@ struct Tile<'a> {
     scale: &'a [f32],       // [channels of the block that exist]
     bias: &'a [f32],        // likewise
     relu: bool,
-    out: &'a mut [f32], // from the first pixel's first channel on
-    out_step: usize,    // from one pixel to the next
+    to: T,
+    out: &'a mut [T::Value], // from the first pixel's first channel on
+    out_step: usize,         // from one pixel to the next
 }
 
-impl Tile<'_> {
+impl<T: To> Tile<'_, T> {
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<D: Dot, const PIXELS: usize, const VECTORS: usize>(self, dot: D) {
@@ -192,13 +238,11 @@ impl Tile<'_> {
                 }
                 let (scale, bias) = (&self.scale[first..], &self.bias[first..]);
                 let sum = dot.to_f32(sums[i][v]);
-                if bias.len() >= lanes {
-                    let y = simd.mul_add(sum, simd.load(scale), simd.load(bias));
-                    simd.store(simd.max(y, floor), &mut out[first..]);
-                } else {
-                    let y = simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias));
-                    simd.store_partial(simd.max(y, floor), &mut out[first..]);
-                }
+                let y = match bias.len() >= lanes {
+                    true => simd.mul_add(sum, simd.load(scale), simd.load(bias)),
+                    false => simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias)),
+                };
+                self.to.store(simd, simd.max(y, floor), &mut out[first..]);
             }
         }
     }
@@ -206,7 +250,7 @@ impl Tile<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Algorithm, Conv};
+    use super::super::{Algorithm, Conv, Input, Output};
     use super::*;
     use crate::par::Threads;
     use crate::testing::{assert_close, noise};
@@ -272,6 +316,43 @@ mod tests {
             for side in [11, 12, 23] {
                 check(shape, Size { h: side, w: side + 5 });
             }
+        }
+    }
+
+    #[test]
+    fn bytes_in_and_out_change_nothing() {
+        let shape = ConvShape { in_channels: 5, out_channels: 37, kernel: 3, stride: 1, pad: 0, relu: true };
+        let size = Size { h: 6, w: 11 };
+        let (weights, bias) = (noise(37 * shape.window(), 1), noise(37, 2));
+        let values: Vec<f32> = noise(size.area() * 5, 3);
+        let (q, next) = (Quantization::of_range(-1.0, 1.0), Quantization::of_range(0.0, 2.5));
+        let threads = Threads::new(2);
+        for isa in Isa::available() {
+            let conv = Conv::new(isa, Algorithm::Int8(q), shape, &weights, &bias);
+            let mut scratch = vec![0.0; conv.scratch_len(size, &threads)];
+            let out_size = shape.out_size(size);
+            let mut floats = vec![0.0; out_size.area() * 37];
+            threads.enter(|| conv.run(&threads, &values, size, &mut floats, &mut scratch));
+            let rows = |row_len| crate::quant::Rows { row_len, out_row_len: row_len, offset: 0 };
+            let quantize = |values: &[f32], q, row_len, out: &mut [u8]| {
+                crate::quant::quantize(isa, &Threads::new(1), values, q, rows(row_len), out);
+            };
+            let mut expected = vec![0; floats.len()];
+            quantize(&floats, next, out_size.w * 37, &mut expected);
+            let mut bytes = vec![0; values.len() + SLACK];
+            quantize(&values, q, size.w * 5, &mut bytes);
+            let mut out = vec![0; floats.len()];
+            threads.enter(|| {
+                let (input, output) = (Input::Bytes(&bytes), Output::Bytes(&mut out, next));
+                conv.run_between(&threads, input, size, output, &mut scratch)
+            });
+            assert_eq!(out, expected, "{isa}");
+            let mut again = vec![0.0; floats.len()];
+            threads.enter(|| {
+                let (input, output) = (Input::Bytes(&bytes), Output::Floats(&mut again));
+                conv.run_between(&threads, input, size, output, &mut scratch)
+            });
+            assert_eq!(again, floats, "{isa}");
         }
     }
 

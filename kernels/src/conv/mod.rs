@@ -34,6 +34,7 @@ mod winograd;
 use crate::par::Threads;
 use crate::quant::{Quantization, Rows, quantize};
 use crate::{Isa, Size};
+pub use int8::SLACK;
 
 /// What a convolution computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -155,6 +156,44 @@ impl Algorithm {
     }
 }
 
+/// A map that a convolution reads, `[H, W, Cin]`.
+#[derive(Clone, Copy, Debug)]
+pub enum Input<'a> {
+    /// Single precision: every algorithm reads it.
+    Floats(&'a [f32]),
+    /// Bytes quantized as the convolution's own [`Algorithm::Int8`] says, and [`SLACK`] bytes more.
+    Bytes(&'a [u8]),
+}
+
+/// A map that a convolution writes, `[H', W', Cout]`.
+#[derive(Debug)]
+pub enum Output<'a> {
+    /// Single precision: every algorithm writes it.
+    Floats(&'a mut [f32]),
+    /// Bytes, quantized like this; written by [`Algorithm::Int8`] only.
+    Bytes(&'a mut [u8], Quantization),
+}
+
+impl Input<'_> {
+    /// Values of the map.
+    fn len(&self) -> usize {
+        match self {
+            Input::Floats(values) => values.len(),
+            Input::Bytes(bytes) => bytes.len().saturating_sub(SLACK),
+        }
+    }
+}
+
+impl Output<'_> {
+    /// Values of the map.
+    fn len(&self) -> usize {
+        match self {
+            Output::Floats(values) => values.len(),
+            Output::Bytes(bytes, _) => bytes.len(),
+        }
+    }
+}
+
 /// A convolution with its weights laid out for one algorithm on one instruction set.
 #[derive(Clone, Debug)]
 pub struct Conv {
@@ -239,6 +278,20 @@ impl Conv {
         out: &mut [f32],
         scratch: &mut [f32],
     ) -> Size {
+        self.run_between(threads, Input::Floats(input), size, Output::Floats(out), scratch)
+    }
+
+    /// As [`run`](Self::run), where a neighbour may hand bytes over or take them: the same bits as by way of `f32`.
+    ///
+    /// Panics as `run` does, or if bytes are read or written by another algorithm than [`Algorithm::Int8`], or padded.
+    pub fn run_between(
+        &self,
+        threads: &Threads,
+        input: Input<'_>,
+        size: Size,
+        out: Output<'_>,
+        scratch: &mut [f32],
+    ) -> Size {
         let shape = &self.shape;
         let out_size = shape.out_size(size);
         assert_eq!(input.len(), size.area() * shape.in_channels, "input of {shape:?}");
@@ -246,14 +299,14 @@ impl Conv {
         let (prepared, scratch) = scratch.split_at_mut(self.prepared_len(size));
         let row_len = out_size.w * shape.out_channels;
         let bias = &self.bias;
-        match &self.weights {
-            Packed::Direct(weights) => {
+        match (&self.weights, input, out) {
+            (Packed::Direct(weights), Input::Floats(input), Output::Floats(out)) => {
                 let (input, size) = self.pad(input, size, prepared);
                 threads.split_rows(out, row_len, |first_row, out| {
                     self.isa.run(direct::Direct { shape, weights, bias, input, size, first_row, out });
                 });
             }
-            Packed::Winograd(weights) => {
+            (Packed::Winograd(weights), Input::Floats(input), Output::Floats(out)) => {
                 let (input, size) = self.pad(input, size, prepared);
                 let unit = winograd::rows_per_tile(shape, weights.points());
                 threads.split_rows_with(out, row_len, unit, scratch, |first_row, out, scratch| {
@@ -269,20 +322,48 @@ impl Conv {
                     });
                 });
             }
-            Packed::Im2col(weights) => {
+            (Packed::Im2col(weights), Input::Floats(input), Output::Floats(out)) => {
                 let (input, size) = self.pad(input, size, prepared);
                 im2col::run(threads, shape, weights, bias, input, size, out, scratch);
             }
-            Packed::Int8(weights) => {
-                let bytes = bytemuck::cast_slice_mut(prepared);
-                self.quantize(threads, input, size, weights.input, bytes);
-                let (input, size) = (&*bytes, shape.padded(size));
-                threads.split_rows(out, row_len, |first_row, out| {
-                    self.isa.run_dot(int8::Int8 { shape, weights, bias, input, size, first_row, out });
-                });
+            (Packed::Int8(weights), input, out) => {
+                let input = match input {
+                    Input::Floats(input) => {
+                        let bytes = bytemuck::cast_slice_mut(prepared);
+                        self.quantize(threads, input, size, weights.input, bytes);
+                        &*bytes
+                    }
+                    Input::Bytes(bytes) => {
+                        assert_eq!(shape.pad, 0, "bytes for {shape:?}");
+                        bytes
+                    }
+                };
+                let size = shape.padded(size);
+                match out {
+                    Output::Floats(out) => self.int8(threads, weights, input, size, int8::Floats, out),
+                    Output::Bytes(out, q) => self.int8(threads, weights, input, size, int8::Bytes(q), out),
+                }
             }
+            _ => panic!("bytes for {:?}, which does not compute in them", self.algorithm()),
         }
         out_size
+    }
+
+    /// Convolves bytes into rows of whatever `to` makes; `size` includes the padding.
+    fn int8<T: int8::To>(
+        &self,
+        threads: &Threads,
+        weights: &int8::Weights,
+        input: &[u8],
+        size: Size,
+        to: T,
+        out: &mut [T::Value],
+    ) {
+        let (shape, bias) = (&self.shape, &self.bias);
+        let width = (size.w - shape.kernel) / shape.stride + 1;
+        threads.split_rows(out, width * shape.out_channels, |first_row, out| {
+            self.isa.run_dot(int8::Int8 { shape, weights, bias, input, size, first_row, to, out });
+        });
     }
 
     /// `input` with its padding, in `padded`; without any, as it is.
