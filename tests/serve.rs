@@ -147,9 +147,13 @@ struct Station {
 
 impl Station {
     fn listen() -> (Station, String) {
-        let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let link = mavlink::connect::<MavMessage>(&format!("udpin:127.0.0.1:{port}")).unwrap();
-        (Station { link: Box::new(link) }, format!("udpout:127.0.0.1:{port}"))
+        // Between finding a free port and listening on it somebody else may take it.
+        let listen = || {
+            let port = UdpSocket::bind("127.0.0.1:0").ok()?.local_addr().ok()?.port();
+            let link = mavlink::connect::<MavMessage>(&format!("udpin:127.0.0.1:{port}")).ok()?;
+            Some((Station { link: Box::new(link) }, format!("udpout:127.0.0.1:{port}")))
+        };
+        (0..20).find_map(|_| listen()).expect("one of twenty free ports stays free")
     }
 
     fn wait<T>(&self, what: &str, mut pick: impl FnMut(MavMessage) -> Option<T>) -> T {
