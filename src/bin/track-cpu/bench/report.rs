@@ -46,7 +46,8 @@ impl Report<'_> {
     fn run(&self) -> String {
         let (isa, threads) = (self.model.isa().name(), self.args.engine.threads);
         let plural = if threads == 1 { "" } else { "s" };
-        format!("{isa}, {threads} thread{plural}, f32, {} frames of {WIDTH}x{HEIGHT}", self.args.frames)
+        let (precision, frames) = (self.model.precision().name(), self.args.frames);
+        format!("{isa}, {threads} thread{plural}, {precision}, {frames} frames of {WIDTH}x{HEIGHT}")
     }
 
     fn model_line(&self) -> String {
