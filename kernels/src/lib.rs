@@ -10,7 +10,7 @@
 //! | convolution, Winograd | the same, with 3 to 6 times fewer multiplications | the same | `conv/winograd.rs` | stride-1 layers |
 //! | convolution, im2col | the same, as one matrix product | the same | `conv/im2col.rs`, `gemm.rs` | portable alternative |
 //! | convolution, int8 | the same on bytes, sums exact in `i32` | the same | `conv/int8.rs` | all but the outputs |
-//! | quantization | `q = round(x / s) + z` | `f32 [n] -> u8 [n]` | [`quant`] | 1 % |
+//! | quantization | `q = round(x / s) + z` | `f32 [n] -> u8 [n]` | [`quant`] | counted with the convolution |
 //! | max-pool 3x3/2 | `y = max x`, ceil mode | `[H, W, C] -> [H', W', C]` | [`mod@pool`] | 2 % |
 //! | cross-correlation | `y = sum x z` per channel | `[H, W, C], [k, k, C] -> [H-k+1, W-k+1, C]` | [`xcorr`] | 1 % |
 //! | crop-and-resize | bilinear, constant border | `u8 [h, w, 1..4] -> u8 [D, D, 3]` | [`resample`] | 2 % |
