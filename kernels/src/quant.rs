@@ -35,6 +35,20 @@ impl Quantization {
         Quantization { scale, zero_point: (-low / scale).round() as u8 }
     }
 
+    /// Quantizes a vector into `out`, or as much of it as there is room for.
+    #[inline(always)]
+    pub(crate) fn store<S: Simd>(self, simd: S, x: S::F32, out: &mut [u8]) {
+        let (factor, zero) = (simd.splat(1.0 / self.scale), simd.splat(f32::from(self.zero_point)));
+        let q = simd.mul_add(x, factor, zero);
+        if out.len() >= S::LANES {
+            simd.store_bytes(q, out);
+        } else {
+            let mut lanes = [0; 64];
+            simd.store_bytes(q, &mut lanes);
+            out.copy_from_slice(&lanes[..out.len()]);
+        }
+    }
+
     /// The value that a byte stands for.
     pub fn value(&self, byte: u8) -> f32 {
         self.scale * (f32::from(byte) - f32::from(self.zero_point))
@@ -89,19 +103,11 @@ impl Kernel for Quantize<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Quantize { values, row_len, quantization, out, out_row_len, offset } = self;
-        let factor = simd.splat(1.0 / quantization.scale);
-        let zero = simd.splat(f32::from(quantization.zero_point));
         for (from, to) in values.chunks_exact(row_len).zip(out.chunks_exact_mut(out_row_len)) {
             let to = &mut to[offset..][..row_len];
-            let whole = row_len / S::LANES * S::LANES;
-            for (x, q) in from.chunks_exact(S::LANES).zip(to.chunks_exact_mut(S::LANES)) {
-                simd.store_bytes(simd.mul_add(simd.load(x), factor, zero), q);
-            }
-            if whole < row_len {
-                let mut last = [0; 64];
-                let x = simd.load_partial(&from[whole..]);
-                simd.store_bytes(simd.mul_add(x, factor, zero), &mut last);
-                to[whole..].copy_from_slice(&last[..row_len - whole]);
+            for (x, q) in from.chunks(S::LANES).zip(to.chunks_mut(S::LANES)) {
+                let x = if x.len() == S::LANES { simd.load(x) } else { simd.load_partial(x) };
+                quantization.store(simd, x, q);
             }
         }
     }

@@ -118,15 +118,7 @@ impl To for Bytes {
 
     #[inline(always)]
     fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [u8]) {
-        let (factor, zero) = (simd.splat(1.0 / self.0.scale), simd.splat(f32::from(self.0.zero_point)));
-        let q = simd.mul_add(y, factor, zero);
-        if out.len() >= S::LANES {
-            simd.store_bytes(q, out);
-        } else {
-            let mut lanes = [0; 64];
-            simd.store_bytes(q, &mut lanes);
-            out.copy_from_slice(&lanes[..out.len()]);
-        }
+        self.0.store(simd, y, out);
     }
 }
 
