@@ -114,7 +114,8 @@ impl fmt::Display for Message {
             write!(f, " \"{}\"", escaped(argument))?;
         }
         for (key, value) in &self.properties {
-            let plain = !value.is_empty() && !value.contains([' ', '\t', '"', '\\', '\n', '\r']);
+            let plain =
+                !value.is_empty() && !value.contains(|c: char| c.is_whitespace() || c == '"' || c == '\\');
             match plain {
                 true => write!(f, " {key}={value}")?,
                 false => write!(f, " \"{key}={}\"", escaped(value))?,
@@ -214,6 +215,14 @@ mod tests {
         assert_eq!(parse("@@TRAX:initialize \n").unwrap(), Message::new(Kind::Initialize));
         assert_eq!(parse("@@TRAX:state 1,2,3,4 confidence=0.5").unwrap().get("confidence"), Some("0.5"));
         assert!(Message::parse("loading @@TRAX:quit").is_none());
+    }
+
+    #[test]
+    fn any_white_space_in_a_value_is_quoted() {
+        for space in [' ', '\t', '\u{b}', '\u{a0}'] {
+            let message = Message::new(Kind::Frame).property("m", format!("a{space}b"));
+            assert_eq!(parse(&message.to_string()).unwrap(), message);
+        }
     }
 
     #[test]
