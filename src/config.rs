@@ -15,6 +15,9 @@ pub struct TrackConfig {
     pub penalty_k: f64,
     /// Smallest side of a box, in pixels.
     pub min_size: f32,
+    /// Share of the network's error in the first frame that is taken out of all later boxes, in `[0, 1]`; 0 is the paper's
+    /// tracker.
+    pub correction: f64,
 }
 
 impl From<&TrackerParams> for TrackConfig {
@@ -25,6 +28,7 @@ impl From<&TrackerParams> for TrackConfig {
             window_influence: p.window_influence,
             penalty_k: p.penalty_k,
             min_size: p.min_size,
+            correction: p.correction,
         }
     }
 }

@@ -25,6 +25,7 @@ struct Readme;
 
 pub mod bbox;
 pub mod config;
+mod correction;
 pub mod crop;
 pub mod error;
 pub mod flight;

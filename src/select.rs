@@ -50,6 +50,13 @@ impl Selector {
         (self.offset, self.crop_middle)
     }
 
+    /// A box of frame pixels in the pixels of the crop around it.
+    pub(crate) fn in_crop(&self, bbox: &CenterBox, scale: f64) -> CenterBox {
+        let side = |length: f32| (f64::from(length) * scale) as f32;
+        let middle = self.crop_middle as f32;
+        CenterBox { cx: middle, cy: middle, w: side(bbox.w), h: side(bbox.h) }
+    }
+
     /// The cell with the highest windowed score for a target that was `w` x `h` crop pixels, the first one on a tie.
     ///
     /// Cells whose numbers are not finite are passed over; `None` if that leaves no cell.

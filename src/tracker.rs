@@ -2,6 +2,7 @@
 
 use crate::bbox::{BBox, CenterBox};
 use crate::config::TrackConfig;
+use crate::correction::Correction;
 use crate::crop::{self, Cropper, Region};
 use crate::error::TrackError;
 use crate::frame::Frame;
@@ -62,6 +63,7 @@ pub struct Track {
 struct Target {
     bbox: CenterBox,
     border: [u8; 3], // mean colour of the first frame, BGR
+    correction: Correction,
 }
 
 impl Tracker {
@@ -99,11 +101,25 @@ impl Tracker {
         if x >= width as f32 || y >= height as f32 || x + w <= 0.0 || y + h <= 0.0 {
             return Err(TrackError::BoxOutside { x, y, w, h, width, height });
         }
-        let target = Target { bbox: bbox.center(), border: frame.mean_bgr() };
+        let mut target =
+            Target { bbox: bbox.center(), border: frame.mean_bgr(), correction: Correction::NONE };
         self.cut(frame, &target, self.network.model().architecture().template_size);
         self.network.set_template(&self.crop);
+        if self.config.correction > 0.0 {
+            target.correction = self.first_look(frame, &target);
+        }
         self.target = Some(target);
         Ok(())
+    }
+
+    /// How the network errs about a target whose true box is known.
+    fn first_look(&mut self, frame: &Frame<'_>, target: &Target) -> Correction {
+        let config = self.config;
+        let Seen { scale, choice, .. } = self.search(frame, target, 1.0, &config);
+        choice.map_or(Correction::NONE, |choice| {
+            let truth = self.selector.in_crop(&target.bbox, scale);
+            Correction::between(&choice.bbox, &truth, config.correction)
+        })
     }
 
     /// Finds the target in the next frame, near where it was.
@@ -114,22 +130,13 @@ impl Tracker {
     /// If there is no target yet.
     pub fn update(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
         let mut target = self.target.ok_or(TrackError::NoTarget)?;
-        let mut lap = Lap::start();
-        let scale = self.cut(frame, &target, self.network.model().architecture().search_size);
-        self.stages.crop = lap.lap();
-
-        let outputs = self.network.search_timed(&self.crop, &mut self.stages);
-        lap.lap();
-
-        let (w, h) = (f64::from(target.bbox.w) * scale, f64::from(target.bbox.h) * scale);
-        let choice = self.selector.choose(outputs, w, h, &self.config);
-        self.seen = Some(Seen { around: target.bbox, scale, choice });
+        let config = self.config;
+        let Seen { scale, choice, .. } = self.search(frame, &target, 1.0, &config);
         if let Some(choice) = &choice {
-            target.bbox = self.selector.smooth(choice, &target.bbox, scale, &self.config);
+            target.bbox = self.selector.smooth(choice, &target.bbox, scale, &config);
         }
-        target.bbox = target.bbox.clamped(frame.width(), frame.height(), self.config.min_size);
+        target.bbox = target.bbox.clamped(frame.width(), frame.height(), config.min_size);
         self.target = Some(target);
-        self.stages.select = lap.lap();
 
         let (score, penalized_score) =
             choice.map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
@@ -147,19 +154,33 @@ impl Tracker {
     ) -> Result<Seen, TrackError> {
         let target = self.target.ok_or(TrackError::NoTarget)?;
         let around = around.clamped(frame.width(), frame.height(), self.config.min_size);
-        let zoomed = CenterBox { w: around.w * zoom as f32, h: around.h * zoom as f32, ..around };
-        let search_size = self.network.model().architecture().search_size;
-        let scale = self.cut(frame, &Target { bbox: zoomed, ..target }, search_size);
-        let outputs = self.network.search_timed(&self.crop, &mut self.stages);
-        let (w, h) = (f64::from(around.w) * scale, f64::from(around.h) * scale);
         let config = TrackConfig { window_influence, ..self.config };
-        let seen = Seen { around, scale, choice: self.selector.choose(outputs, w, h, &config) };
-        self.seen = Some(seen);
-        Ok(seen)
+        Ok(self.search(frame, &Target { bbox: around, ..target }, zoom, &config))
     }
 
-    /// Moves the target to another box without looking.
-    pub(crate) fn place(&mut self, bbox: CenterBox) {
+    /// One pass: the best cell for a target where it is taken to be, in a region `zoom` times as wide as usual.
+    fn search(&mut self, frame: &Frame<'_>, target: &Target, zoom: f64, config: &TrackConfig) -> Seen {
+        let mut lap = Lap::start();
+        let around = target.bbox;
+        let zoomed = CenterBox { w: around.w * zoom as f32, h: around.h * zoom as f32, ..around };
+        let search_size = self.network.model().architecture().search_size;
+        let scale = self.cut(frame, &Target { bbox: zoomed, ..*target }, search_size);
+        self.stages.crop = lap.lap();
+
+        let outputs = self.network.search_timed(&self.crop, &mut self.stages);
+        lap.lap();
+
+        target.correction.apply(&mut outputs.ltrb);
+        let (w, h) = (f64::from(around.w) * scale, f64::from(around.h) * scale);
+        let seen = Seen { around, scale, choice: self.selector.choose(outputs, w, h, config) };
+        self.seen = Some(seen);
+        self.stages.select = lap.lap();
+        seen
+    }
+
+    /// Moves the target to another box without looking, as one might who knows how the camera moved. Without a target nothing
+    /// happens.
+    pub fn place(&mut self, bbox: CenterBox) {
         if let Some(target) = &mut self.target {
             target.bbox = bbox;
         }

@@ -125,7 +125,7 @@ impl Network {
     }
 
     /// As [`search`](Self::search), noting the time of every stage.
-    pub(crate) fn search_timed(&mut self, crop: &[u8], stages: &mut Stages) -> &Outputs {
+    pub(crate) fn search_timed(&mut self, crop: &[u8], stages: &mut Stages) -> &mut Outputs {
         let Network { model, threads, scratch, template, outputs } = self;
         assert!(template.cls.channels() > 0, "search needs template features: call set_template first");
         threads.enter(|| {
@@ -155,7 +155,7 @@ impl Network {
             layers.head.run(context, threads, response, head, outputs);
             stages.head = lap.lap();
         });
-        &self.outputs
+        &mut self.outputs
     }
 }
 

@@ -127,6 +127,13 @@ pub struct TrackerParams {
     pub penalty_k: f64,
     /// Smallest side of a box in image pixels.
     pub min_size: f32,
+    /// Share of the network's error in the first frame that is taken out of all later boxes; none if absent.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub correction: f64,
+}
+
+fn is_zero(share: &f64) -> bool {
+    *share == 0.0
 }
 
 impl Default for TrackerParams {
@@ -137,6 +144,7 @@ impl Default for TrackerParams {
             window_influence: 0.23153228172839774,
             penalty_k: 0.05413758904760692,
             min_size: 10.0,
+            correction: 0.0,
         }
     }
 }
@@ -282,6 +290,7 @@ impl Header {
         within("tracker.window_influence", tracker.window_influence, 0.0..=1.0)?;
         within("tracker.penalty_k", tracker.penalty_k, 0.0..=10.0)?;
         within("tracker.min_size", f64::from(tracker.min_size), 1.0..=1e4)?;
+        within("tracker.correction", tracker.correction, 0.0..=1.0)?;
         if let Some(calibration) = &self.calibration {
             self.check_calibration(calibration)?;
         }

@@ -215,6 +215,7 @@ fn metadata_fields() {
             metadata(|m| m["tracker"]["window_influence"] = json!(-0.1)),
             "`tracker.window_influence`",
         ),
+        ("correction", metadata(|m| m["tracker"]["correction"] = json!(1.5)), "`tracker.correction`"),
         ("penalty", metadata(|m| m["tracker"]["penalty_k"] = json!(1e9)), "`tracker.penalty_k`"),
         ("context", metadata(|m| m["tracker"]["context_amount"] = json!(-1)), "`tracker.context_amount`"),
         ("smallest box", metadata(|m| m["tracker"]["min_size"] = json!(0)), "`tracker.min_size`"),

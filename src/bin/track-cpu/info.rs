@@ -88,8 +88,8 @@ fn about(header: &Header) -> String {
     add(
         "tracker",
         format!(
-            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}",
-            t.context_amount, t.size_lr, t.window_influence, t.penalty_k, t.min_size
+            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, correction {}",
+            t.context_amount, t.size_lr, t.window_influence, t.penalty_k, t.min_size, t.correction
         ),
     );
     add("input", format!("BGR, mean {:?}, std {:?}", header.input.mean, header.input.std));
@@ -136,6 +136,7 @@ fn as_json(header: &Header) -> Value {
             "window_influence": t.window_influence,
             "penalty_k": t.penalty_k,
             "min_size": t.min_size,
+            "correction": t.correction,
         },
         "parameters": a.parameters(),
         "macs_template": a.macs_template(),

@@ -8,6 +8,7 @@ use trainer::data::Dataset;
 use trainer::fit::{Fit, RunOptions, compute};
 use trainer::prune::{Ranks, prune as prune_by_rank};
 use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
+use trainer::tune::{SHARES, correction};
 use trainer::validate::Validation;
 use weights_format::{Storage, Weights};
 
@@ -114,7 +115,35 @@ pub fn export(args: &args::Export) -> Result<(), Error> {
 }
 
 /// `quantize`.
-pub fn quantize(mut args: args::Quantize) -> Result<(), Error> {
+pub fn quantize(args: args::Measure) -> Result<(), Error> {
+    measure(args, |weights, dataset, pairs| {
+        let calibration = calibrate(weights, dataset, pairs)?;
+        for (name, range) in &calibration.inputs {
+            println!("{name:20} {:10.4} .. {:9.4}", range.low, range.high);
+        }
+        weights.header.calibration = Some(calibration);
+        Ok(())
+    })
+}
+
+/// `tune`.
+pub fn tune(args: args::Measure) -> Result<(), Error> {
+    measure(args, |weights, dataset, pairs| {
+        let quality = correction(weights, dataset, pairs)?;
+        for (share, iou) in SHARES.into_iter().zip(quality) {
+            println!("correction {share:.1}: mean IoU {iou:.4}");
+        }
+        let best = (0..SHARES.len()).max_by(|a, b| quality[*a].total_cmp(&quality[*b]));
+        weights.header.tracker.correction = best.map_or(0.0, |best| SHARES[best]);
+        Ok(())
+    })
+}
+
+/// Adds to a weights file what is found out about it from data.
+fn measure(
+    mut args: args::Measure,
+    find: impl FnOnce(&mut Weights, &Dataset, u64) -> Result<(), Error>,
+) -> Result<(), Error> {
     if !(1..=100_000).contains(&args.pairs) {
         return Err(args::wrong("--pairs", "1 to 100000", &args.pairs));
     }
@@ -122,12 +151,7 @@ pub fn quantize(mut args: args::Quantize) -> Result<(), Error> {
         args.data.data.push("scenes".into());
     }
     let mut weights = Weights::read(&args.weights)?;
-    let dataset = args.data.open()?;
-    let calibration = calibrate(&weights, &dataset, args.pairs)?;
-    for (name, range) in &calibration.inputs {
-        println!("{name:20} {:10.4} .. {:9.4}", range.low, range.high);
-    }
-    weights.header.calibration = Some(calibration);
+    find(&mut weights, &args.data.open()?, args.pairs)?;
     weights.write(&args.out)?;
     println!("{}", args.out.display());
     Ok(())

@@ -65,6 +65,9 @@ pub enum Error {
     /// A model that cannot run.
     #[error(transparent)]
     Model(#[from] track_cpu::ModelError),
+    /// A target that cannot be tracked.
+    #[error(transparent)]
+    Track(#[from] track_cpu::TrackError),
 }
 
 impl Error {

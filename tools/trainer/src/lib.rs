@@ -25,6 +25,7 @@ pub mod study;
 pub mod targets;
 #[cfg(test)]
 mod testing;
+pub mod tune;
 pub mod validate;
 
 pub use error::Error;

@@ -33,6 +33,7 @@ fn run(args: Args) -> Result<(), Error> {
         Command::Ablate(args) => commands::ablate(&args),
         Command::Export(args) => commands::export(&args),
         Command::Quantize(args) => commands::quantize(args),
+        Command::Tune(args) => commands::tune(args),
         Command::Show(args) => commands::show(&args),
     }
 }

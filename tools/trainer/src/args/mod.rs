@@ -35,7 +35,9 @@ pub enum Command {
     /// Write a checkpoint's network as a weights file
     Export(Export),
     /// Measure a weights file's activations, so that it can run on bytes (int8)
-    Quantize(Quantize),
+    Quantize(Measure),
+    /// Choose what the tracker does with these weights: how much of its first error is taken out of later boxes
+    Tune(Measure),
     /// Write contact sheets of sampled pairs
     Show(Show),
 }
@@ -94,13 +96,13 @@ pub enum Dtype {
 }
 
 #[derive(Debug, clap::Args)]
-pub struct Quantize {
+pub struct Measure {
     /// The weights file
     pub weights: PathBuf,
-    /// The weights file to write: the same weights with the ranges of their activations; replaced if it exists
+    /// The weights file to write: the same weights with what was measured; replaced if it exists
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Pairs of crops to measure on
+    /// Pairs to measure on
     #[arg(long, default_value_t = 200)]
     pub pairs: u64,
     /// Rendered flights where none is given

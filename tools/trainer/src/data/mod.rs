@@ -209,6 +209,13 @@ impl Dataset {
         Sample { template, search, again, search_size, corners, negative, source }
     }
 
+    /// Two views of one target at different moments, just as they were taken; `None` if there seem to be none.
+    pub fn moments(&self, index: u64) -> Option<(View, View)> {
+        let mut rng = Rng::new(self.options.seed, 0x303e, index);
+        let mut pairs = (0..TRIES).map(|_| self.pair(index, &mut rng).1);
+        pairs.find(|pair| !pair.still).map(|pair| (pair.first, pair.second))
+    }
+
     /// Two views of one target and the number of their source. A source that fails (a picture that cannot be read) is
     /// asked again, and others after it.
     fn pair(&self, index: u64, rng: &mut Rng) -> (usize, Pair) {
