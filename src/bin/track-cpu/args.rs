@@ -68,6 +68,10 @@ pub struct EngineArgs {
     /// instructions for it and the model allows it].
     #[arg(long, value_name = "NAME", value_parser = precision)]
     pub precision: Option<Precision>,
+    /// Share of the network's error in the first frame that is taken out of all later boxes, 0 to 1; 0 is the paper's tracker
+    /// [default: the model's].
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub correction: Option<f64>,
 }
 
 impl EngineArgs {
@@ -87,7 +91,12 @@ impl EngineArgs {
     /// Weights as they are to run.
     pub fn model_of(&self, weights: &Weights) -> Result<Model, ModelError> {
         let precision = self.precision.unwrap_or_else(|| Precision::best(weights, self.isa()));
-        Model::with_precision(weights, self.isa(), precision)
+        let Some(correction) = self.correction else {
+            return Model::with_precision(weights, self.isa(), precision);
+        };
+        let mut weights = weights.clone();
+        weights.header.tracker.correction = correction;
+        Model::with_precision(&weights, self.isa(), precision)
     }
 
     /// Random weights as they are to run; bytes only if asked for, with ranges out of the air.
@@ -411,6 +420,11 @@ fn trax_version(text: &str) -> Result<u32, String> {
 
 fn threads(text: &str) -> Result<usize, String> {
     number_in(text, 1, 256)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|share| (0.0..=1.0).contains(share));
+    number.ok_or_else(|| "expected a number from 0 to 1".into())
 }
 
 fn minutes(text: &str) -> Result<f64, String> {

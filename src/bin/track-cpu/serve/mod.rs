@@ -76,6 +76,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         "weights": model.header().provenance.name,
         "isa": args.engine.isa().name(),
         "precision": model.precision().name(),
+        "correction": model.config().correction,
         "mode": args.mode.name(),
     });
     let log =
