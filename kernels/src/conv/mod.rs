@@ -29,7 +29,7 @@ use for_tile;
 mod direct;
 mod im2col;
 mod int8;
-mod winograd;
+pub mod winograd;
 
 use crate::par::Threads;
 use crate::quant::{Quantization, Rows, quantize};

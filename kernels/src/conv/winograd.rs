@@ -35,10 +35,10 @@ pub(super) fn fits(shape: &ConvShape, points: usize) -> bool {
 }
 
 /// The finite points, in pairs of opposite sign behind 0.
-const POINTS: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5];
+pub const POINTS: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5];
 
 /// Row `i` of `G`: the kernel's value at point `i`, scaled so that `B` has small numbers.
-fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; 5] {
+pub fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; 5] {
     let mut row = [0.0; 5];
     if i == points - 1 {
         row[kernel - 1] = 1.0;
@@ -227,8 +227,10 @@ impl Winograd<'_> {
 }
 
 /// `V = B^T d B` of the input tile whose corner is `(y, x)`; inputs beyond the map count as 0.
+///
+/// `v` starts with this tile's channels of point 0; the next point's are `v_step` further on.
 #[inline(always)]
-fn input_tile<S: Simd, const A: usize>(
+pub fn input_tile<S: Simd, const A: usize>(
     simd: S,
     input: &[f32],
     size: Size,

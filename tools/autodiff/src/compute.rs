@@ -76,6 +76,11 @@ impl Compute {
         if self.winograd { Algorithm::plan(shape, size) } else { Algorithm::Direct }
     }
 
+    /// Whether Winograd's algorithm may be taken.
+    pub(crate) fn winograd(&self) -> bool {
+        self.winograd
+    }
+
     /// How many threads work.
     pub fn threads(&self) -> usize {
         self.workers.current_num_threads()

@@ -4,15 +4,17 @@
 //! Shapes: input `[batch, H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]`, output `[batch, H', W', Cout]`.
 //! Backwards, with `g` the gradient of `y` (zeroed where ReLU was):
 //! - bias: the sum of `g` over batch and positions;
-//! - weights: `dw[o, ky, kx, i] = sum of g[y, x, o] * x[sy + ky - pad, sx + kx - pad, i]`, see [`weight_gradient`];
+//! - weights: `dw[o, ky, kx, i] = sum of g[y, x, o] * x[sy + ky - pad, sx + kx - pad, i]`, see [`weight_gradient`] and, with fewer
+//!   multiplications, [`winograd_gradient`];
 //! - input: the convolution of `g`, zeros between its pixels if the stride is more than 1 and `k - 1 - pad` of them around
 //!   it, with the weights turned by half a turn and their channel axes exchanged. So it runs on the forward's kernels,
 //!   Winograd's among them.
 //!
-//! All three cost the forward's multiply-accumulates (spec section 3.9), fewer with Winograd, and images of a batch run in
+//! All three cost the forward's multiply-accumulates (spec section 3.9), fewer with Winograd's algorithm, and images of a batch run in
 //! parallel.
 
 mod weight_gradient;
+mod winograd_gradient;
 
 use crate::ops::map::{Placement, sum_positions};
 use crate::tape::{Direction, Operation};

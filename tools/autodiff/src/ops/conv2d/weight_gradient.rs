@@ -13,6 +13,7 @@
 //!         for each position of the strip     <- the hot loop, in `tile`
 //! ```
 
+use super::winograd_gradient;
 use crate::ops::map::Placement;
 use crate::{Compute, Tensor};
 use kernels::Size;
@@ -20,7 +21,7 @@ use kernels::conv::ConvShape;
 use kernels::simd::{Kernel, Simd};
 
 /// Images that are summed before the parts are: few enough to keep threads busy, enough to make the sum over parts cheap.
-const PART_IMAGES: usize = 4;
+pub(super) const PART_IMAGES: usize = 4;
 
 /// Output channels that are summed together at the end: a cache line of them.
 const CHANNELS: usize = 16;
@@ -28,8 +29,18 @@ const CHANNELS: usize = 16;
 /// Output positions of one strip, if a row is not longer.
 const STRIP: usize = 128;
 
-/// The gradient of `[Cout, k, k, Cin]`, for an input `x` and the `gradient` of the output.
+/// The gradient of `[Cout, k, k, Cin]`, for an input `x` and the `gradient` of the output; by Winograd's algorithm where that
+/// is allowed and expected to be faster.
 pub(super) fn weight_gradient(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient: &Tensor) -> Tensor {
+    let outputs = gradient.maps("conv2d");
+    match winograd_gradient::points(shape, outputs.batch, outputs.size).filter(|_| compute.winograd()) {
+        Some(points) => winograd_gradient::weight_gradient(compute, shape, points, x, gradient),
+        None => direct(compute, shape, x, gradient),
+    }
+}
+
+/// The same, always by the sum itself.
+pub(super) fn direct(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient: &Tensor) -> Tensor {
     let (inputs, outputs) = (x.maps("conv2d"), gradient.maps("conv2d"));
     let (window, channels) = (shape.kernel * shape.kernel * shape.in_channels, shape.out_channels);
     let padded = Placement::pad(inputs.size, shape.pad);
@@ -123,21 +134,21 @@ impl Kernel for WeightGradient<'_> {
 }
 
 /// One register tile: neighbouring inputs of a window's row x a block of output channels.
-struct Tile<'a> {
-    input: &'a [f32],    // from the first position's first input on
-    input_row: usize,    // from one output row's to the next one's
-    input_step: usize,   // from one position's to the next one's
-    gradient: &'a [f32], // [rows, width, VECTORS * LANES]
-    width: usize,
-    out: &'a mut [f32], // from the first input's first channel on, added to
-    out_step: usize,    // from one input to the next
-    used: usize,        // channels of the block that exist
+pub(super) struct Tile<'a> {
+    pub input: &'a [f32],    // from the first position's first input on
+    pub input_row: usize,    // from one output row's to the next one's
+    pub input_step: usize,   // from one position's to the next one's
+    pub gradient: &'a [f32], // [rows, width, VECTORS * LANES]
+    pub width: usize,
+    pub out: &'a mut [f32], // from the first input's first channel on, added to
+    pub out_step: usize,    // from one input to the next
+    pub used: usize,        // channels of the block that exist
 }
 
 impl Tile<'_> {
     /// Calls [`run`](Self::run) with the tile's sizes as constants.
     #[inline(always)]
-    fn dispatch<S: Simd>(self, simd: S, inputs: usize, vectors: usize) {
+    pub(super) fn dispatch<S: Simd>(self, simd: S, inputs: usize, vectors: usize) {
         macro_rules! table {
             ($($vectors:literal: $($inputs:literal)*;)*) => {
                 match (vectors, inputs) {
