@@ -304,6 +304,23 @@ fn bench_reports_everything() {
 
 /// Decoding, threads and minutes; the three forms of output; two files compared.
 #[test]
+fn bench_plan_times_every_algorithm() {
+    let args = ["bench", "--plan", "--widths", "P90", "--encoder", "3x3"];
+    let plan: Value = serde_json::from_str(&stdout(&run(args.iter().chain(&["--json"]), b""))).unwrap();
+    let layers = plan["layers"].as_array().unwrap();
+    assert_eq!(layers.len(), 5 + 1 + 2 + 6 + 3);
+    for layer in layers {
+        let times = layer["ms"].as_object().unwrap();
+        assert!(times.values().all(|ms| ms.as_f64().unwrap() > 0.0), "{layer}");
+        let chosen = |which: &str| times[layer[which].as_str().unwrap()].as_f64().unwrap();
+        assert!(chosen("fastest") <= chosen("planned"), "{layer}");
+        assert!(layer["layer"] != "backbone.conv1" || !times.contains_key("winograd6"), "its stride is 2");
+    }
+    assert!(plan["fastest_ms"].as_f64() <= plan["planned_ms"].as_f64());
+    assert!(stdout(&run(args, b"")).contains("head.offsets"));
+}
+
+#[test]
 fn bench_measures_more_on_request_and_compares() {
     let folder = folder("cli-bench");
     let small = ["bench", "--frames", "12", "--widths", "P90"];

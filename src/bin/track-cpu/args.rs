@@ -371,6 +371,9 @@ pub struct BenchArgs {
     /// for each].
     #[arg(long, value_name = "NAME", value_parser = algorithm)]
     pub algorithm: Option<Algorithm>,
+    /// Measure every algorithm for every convolution, on one thread, and print it beside what was planned.
+    #[arg(long, conflicts_with_all = ["markdown", "decode", "sweep", "minutes", "worker", "algorithm"])]
+    pub plan: bool,
     /// Time the network alone: for each line N on standard input run N passes, print N times in ms.
     #[arg(long, conflicts_with_all = ["json", "markdown", "decode", "sweep", "minutes"])]
     pub worker: bool,

@@ -3,6 +3,7 @@
 mod clip;
 mod compare;
 mod measure;
+mod plan;
 mod report;
 
 use track_cpu::{Model, ModelError};
@@ -20,6 +21,9 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         return compare::run(before, after, args.json);
     }
     let model = model(args)?;
+    if args.plan {
+        return plan(args, &model);
+    }
     let clip = Clip::render();
     let threads = if args.sweep { sweep() } else { Vec::new() };
     let bar = progress(Some(measure::steps(args, &threads)));
@@ -30,6 +34,17 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         (true, _) => print(&report.json().to_string()),
         (_, true) => print(&report.markdown()),
         _ => print(&report.text()),
+    }
+}
+
+/// Measures algorithms in place of the tracker.
+fn plan(args: &BenchArgs, model: &Model) -> Result<(), Failure> {
+    let bar = progress(Some(plan::steps(model)));
+    let rows = plan::measure(model, || bar.inc(1));
+    bar.finish_and_clear();
+    match args.json {
+        true => print(&plan::json(model, &rows).to_string()),
+        false => print(&plan::text(model, &rows)),
     }
 }
 
