@@ -1,0 +1,94 @@
+"""The search pass of the unpruned or half-pruned network as ONNX, with random weights: what other engines are timed on.
+
+The graph is SiamFC++-AlexNet for one crop of 303 x 303 with template features built in as the kernels of the two depthwise
+correlations: what runs once per frame. Speed depends on shapes alone.
+"""
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+WIDTHS = {"full": (96, 256, 384, 384, 256, 256), "half": (48, 128, 192, 192, 128, 128)}
+SIDE = 303
+
+
+def crop(seed):
+    """An input of the network, [1, 3, 303, 303]."""
+    return np.random.default_rng(seed).normal(0, 1, (1, 3, SIDE, SIDE)).astype(np.float32)
+
+
+class Builder:
+    """Collects nodes; every method returns the name of what it made and keeps the side of its map."""
+
+    def __init__(self):
+        self.nodes, self.constants, self.macs = [], [], 0
+        self.random = np.random.default_rng(7)
+
+    def constant(self, name, array):
+        self.constants.append(numpy_helper.from_array(array.astype(np.float32), name))
+        return name
+
+    def node(self, kind, inputs, name, **attributes):
+        self.nodes.append(helper.make_node(kind, inputs, [name], name=name, **attributes))
+        return name
+
+    def conv(self, name, source, shape, stride=1, relu=True):
+        (channels, side), out, kernel = shape
+        weights = self.random.normal(0, np.sqrt((2 if relu else 1) / (channels * kernel**2)), (out, channels, kernel, kernel))
+        inputs = [source, self.constant(f"{name}.w", weights), self.constant(f"{name}.b", self.random.normal(0, 0.05, out))]
+        made = self.node("Conv", inputs, name, kernel_shape=[kernel] * 2, strides=[stride] * 2)
+        side = (side - kernel) // stride + 1
+        self.macs += side**2 * out * channels * kernel**2
+        return (self.node("Relu", [made], f"{name}.relu") if relu else made), (out, side)
+
+    def correlation(self, name, source, shape, kernel=4):
+        channels, side = shape
+        weights = self.constant(f"{name}.w", self.random.normal(0, 0.25, (channels, 1, kernel, kernel)))
+        made = self.node("Conv", [source, weights], name, kernel_shape=[kernel] * 2, group=channels)
+        side -= kernel - 1
+        self.macs += side**2 * channels * kernel**2
+        return made, (channels, side)
+
+    def pool(self, name, source, shape):
+        channels, side = shape
+        ceil = (side - 3) % 2
+        return self.node("MaxPool", [source], name, kernel_shape=[3, 3], strides=[2, 2], ceil_mode=ceil), (
+            channels,
+            (side - 3 + ceil) // 2 + 1,
+        )
+
+
+def search_pass(widths):
+    """The model and its multiply-accumulates, for "half" or "full"."""
+    c1, c2, c3, c4, c5, neck = WIDTHS[widths]
+    build = Builder()
+    at, size = build.conv("conv1", "x", ((3, SIDE), c1, 11), stride=2)
+    at, size = build.pool("pool1", at, size)
+    at, size = build.conv("conv2", at, (size, c2, 5))
+    at, size = build.pool("pool2", at, size)
+    at, size = build.conv("conv3", at, (size, c3, 3))
+    at, size = build.conv("conv4", at, (size, c4, 3))
+    features, shape = build.conv("conv5", at, (size, c5, 3), relu=False)
+    towers = []
+    for task in ("cls", "reg"):
+        at, size = build.conv(f"neck.{task}", features, (shape, neck, 3), relu=False)
+        at, size = build.correlation(f"correlation.{task}", at, size)
+        for layer in (1, 2, 3):
+            at, size = build.conv(f"head.{task}{layer}", at, (size, neck, 3))
+        towers.append(at)
+    score, _ = build.conv("score", towers[0], (size, 1, 1), relu=False)
+    centerness, _ = build.conv("centerness", towers[0], (size, 1, 1), relu=False)
+    offsets, _ = build.conv("offsets", towers[1], (size, 4, 1), relu=False)
+    factors = [build.node("Sigmoid", [value], f"{value}.p") for value in (score, centerness)]
+    outputs = [build.node("Mul", factors, "scores"), build.node("Exp", [offsets], "ltrb")]
+    side = size[1]
+    graph = helper.make_graph(
+        build.nodes,
+        "search",
+        [helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 3, SIDE, SIDE])],
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, n, side, side]) for name, n in zip(outputs, (1, 4))],
+        build.constants,
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    onnx.checker.check_model(model)
+    return model, build.macs

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# One search pass of our network beside other inference engines, timed in turn; the table of docs/peers.md:
+#
+#   tools/peers/run.sh [ROUNDS]
+#
+# TRACK_CPU    the program; built by cargo if not set
+# PEERS_VENV   a Python environment with the engines, made if it is not there (2 GB)
+# PEERS_WORK   where their models go, by default target/peers-models
+# DOCUMENT     the file whose part between `<!-- table -->` and `<!-- /table -->` is re-written, by default docs/peers.md
+#
+# Close everything else first: two noisy minutes are enough to make a wrong table.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+venv=${PEERS_VENV:-$HOME/.cache/track-cpu-peers/venv}
+work=${PEERS_WORK:-$root/target/peers-models}
+if ! "$venv/bin/python" -c 'import onnx, onnxruntime, openvino, nncf, MNN' 2> /dev/null; then
+    python3 -m venv "$venv"
+    "$venv/bin/pip" install --quiet numpy onnx onnxruntime openvino nncf MNN
+fi
+if [ -z "${TRACK_CPU:-}" ]; then
+    (cd "$root" && cargo build --release --bin track-cpu)
+    TRACK_CPU=${CARGO_TARGET_DIR:-$root/target}/release/track-cpu
+fi
+mkdir -p "$work"
+"$venv/bin/python" "$here/bench.py" "$(realpath "$TRACK_CPU")" "$work" "${DOCUMENT:-$root/docs/peers.md}" "${1:-5}"
