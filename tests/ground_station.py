@@ -138,7 +138,7 @@ def dialogue(program):
     camera.visible = True
     check("active again", station.status(lambda s: s.tracking_status == 1) is not None)
 
-    for command in (M.MAV_CMD_DO_SET_HOME, M.MAV_CMD_SET_CAMERA_ZOOM):
+    for command in (M.MAV_CMD_DO_SET_HOME, M.MAV_CMD_SET_CAMERA_ZOOM, 64999):
         station.command(command)
         check(f"command {command} acknowledged as unsupported", station.result(command) == M.MAV_RESULT_UNSUPPORTED)
     station.link.mav.srcSystem = 77

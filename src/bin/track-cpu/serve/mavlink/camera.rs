@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use ::mavlink::MavHeader;
 use ::mavlink::dialects::common::*;
 
 use super::MavlinkArgs;
+use super::unknown::Unknown;
 use crate::serve::hub::{Command, Hub};
 use crate::serve::report::Report;
 use track_cpu::State;
@@ -56,7 +56,7 @@ impl Camera {
     }
 
     /// What a message is answered with; nothing where it is not for us, no command, or not from an allowed system.
-    pub fn answer(&mut self, from: &MavHeader, message: &MavMessage) -> Vec<MavMessage> {
+    pub fn answer(&mut self, from: u32, message: &MavMessage) -> Vec<MavMessage> {
         let (command, parameters, system, component) = match message {
             MavMessage::COMMAND_LONG(c) => {
                 (c.command, [c.param1, c.param2, c.param3, c.param4], c.target_system, c.target_component)
@@ -66,8 +66,7 @@ impl Camera {
             }
             _ => return Vec::new(),
         };
-        let to_us = [0, self.system].contains(&system) && [0, self.component].contains(&component);
-        if !to_us || !self.allowed.contains(&from.system_id) {
+        if !self.listens(from, system, component) {
             return Vec::new();
         }
         // A broadcast to all components is acknowledged by those it concerns.
@@ -78,6 +77,17 @@ impl Camera {
         }
         let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA { command, result });
         [Some(ack), reply].into_iter().flatten().collect()
+    }
+
+    /// Whether a command without a name is to be refused; one that is for all components is left to those it concerns.
+    pub fn refuses(&self, from: u32, unknown: &Unknown) -> bool {
+        unknown.component == self.component && self.listens(from, unknown.system, unknown.component)
+    }
+
+    /// Whether a command is for us and from somebody who may give one.
+    fn listens(&self, from: u32, system: u8, component: u8) -> bool {
+        let to_us = [0, self.system].contains(&system) && [0, self.component].contains(&component);
+        to_us && self.allowed.contains(&from)
     }
 
     fn obey(&mut self, command: MavCmd, p: [f32; 4]) -> (MavResult, Option<MavMessage>) {
@@ -295,7 +305,6 @@ mod tests {
     }
 
     fn ask(camera: &mut Camera, system_id: u32, command: MavCmd, p: [f32; 4]) -> Vec<MavMessage> {
-        let from = MavHeader { system_id, component_id: 190, sequence: 0 };
         let data = COMMAND_LONG_DATA {
             command,
             param1: p[0],
@@ -306,7 +315,7 @@ mod tests {
             target_component: 100,
             ..Default::default()
         };
-        camera.answer(&from, &MavMessage::COMMAND_LONG(data))
+        camera.answer(system_id, &MavMessage::COMMAND_LONG(data))
     }
 
     fn result(answers: &[MavMessage]) -> MavResult {
@@ -363,14 +372,13 @@ mod tests {
         let (mut camera, hub) = camera(&["--mav-allow", "250"]);
         assert!(ask(&mut camera, 255, MavCmd::MAV_CMD_CAMERA_STOP_TRACKING, [0.0; 4]).is_empty());
         assert_eq!(ask(&mut camera, 250, MavCmd::MAV_CMD_CAMERA_STOP_TRACKING, [0.0; 4]).len(), 1);
-        let from = MavHeader { system_id: 250, component_id: 1, sequence: 0 };
         let data = COMMAND_LONG_DATA {
             command: MavCmd::MAV_CMD_CAMERA_STOP_TRACKING,
             target_system: 1,
             target_component: 101,
             ..Default::default()
         };
-        assert!(camera.answer(&from, &MavMessage::COMMAND_LONG(data)).is_empty());
+        assert!(camera.answer(250, &MavMessage::COMMAND_LONG(data)).is_empty());
         assert_eq!(hub.take_commands().len(), 1);
     }
 

@@ -5,11 +5,13 @@
 //! | `mod.rs` | options, the connection and its two threads |
 //! | `camera.rs` | the camera protocol: what is answered, what is told |
 //! | `pointing.rs` | gimbal rates and the landing target |
+//! | `unknown.rs` | commands that the dialect has no name for |
 //!
 //! Nothing that arrives here reaches the tracker but sound commands from allowed system ids.
 
 mod camera;
 mod pointing;
+mod unknown;
 
 use std::io::ErrorKind;
 use std::path::PathBuf;
@@ -20,12 +22,13 @@ use std::time::{Duration, Instant};
 
 use ::mavlink::dialects::common::MavMessage;
 use ::mavlink::error::MessageReadError;
-use ::mavlink::{MavConnection, MavHeader, SigningConfig};
+use ::mavlink::{MavConnection, MavHeader, Message, SigningConfig, SigningData};
 
 use super::hub::Hub;
 use crate::exit::Failure;
 use camera::Camera;
 use pointing::Pointing;
+use unknown::Unknown;
 
 /// Options of the MAVLink camera.
 #[derive(Clone, Debug, clap::Args)]
@@ -103,7 +106,7 @@ pub fn start(args: &MavlinkArgs, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, 
         let mut connection = first;
         while !hub.is_stopping() {
             match connection.take() {
-                Some(connection) => serve(&args, &hub, &camera, connection.into()),
+                Some(connection) => serve(&args, &hub, &camera, connection.into(), key),
                 None => std::thread::sleep(RETRY),
             }
             if !hub.is_stopping() {
@@ -123,7 +126,13 @@ fn connect(address: &str, key: Option<[u8; 32]>) -> std::io::Result<Connection> 
 }
 
 /// Sends and answers until the link breaks or the program ends.
-fn serve(args: &MavlinkArgs, hub: &Arc<Hub>, camera: &Arc<Mutex<Camera>>, connection: Arc<Connection>) {
+fn serve(
+    args: &MavlinkArgs,
+    hub: &Arc<Hub>,
+    camera: &Arc<Mutex<Camera>>,
+    connection: Arc<Connection>,
+    key: Option<[u8; 32]>,
+) {
     let header =
         MavHeader { system_id: args.mav_system.into(), component_id: args.mav_component, sequence: 0 };
     let broken = Arc::new(AtomicBool::new(false));
@@ -131,9 +140,11 @@ fn serve(args: &MavlinkArgs, hub: &Arc<Hub>, camera: &Arc<Mutex<Camera>>, connec
         // Not joined: it may wait for a byte for ever, and ends with the process.
         let (camera, connection, broken) = (Arc::clone(camera), Arc::clone(&connection), Arc::clone(&broken));
         let hub = Arc::clone(hub);
+        // A stream of signatures of its own, beside the connection's.
+        let signing = key.map(|key| SigningData::from_config(SigningConfig::new(key, 1, true, false)));
         std::thread::spawn(move || {
             while !hub.is_stopping() && !broken.load(Ordering::Relaxed) {
-                let (from, message) = match connection.recv() {
+                let raw = match connection.recv_raw() {
                     Ok(received) => received,
                     Err(MessageReadError::Io(error)) => {
                         match error.kind() {
@@ -147,8 +158,16 @@ fn serve(args: &MavlinkArgs, hub: &Arc<Hub>, camera: &Arc<Mutex<Camera>>, connec
                     }
                     Err(_) => continue, // no message that we know
                 };
-                let answers = camera.lock().unwrap_or_else(PoisonError::into_inner).answer(&from, &message);
-                for answer in &answers {
+                let mut camera = camera.lock().unwrap_or_else(PoisonError::into_inner);
+                let Ok(message) = MavMessage::parse(raw.version(), raw.message_id(), raw.payload()) else {
+                    let unknown =
+                        Unknown::of(&raw).filter(|unknown| camera.refuses(raw.system_id(), unknown));
+                    if let Some(unknown) = unknown {
+                        let _ = connection.send_raw(&unknown.refusal(header, signing.as_ref()));
+                    }
+                    continue;
+                };
+                for answer in &camera.answer(raw.system_id(), &message) {
                     let _ = connection.send(&header, answer);
                 }
             }
