@@ -5,7 +5,9 @@
 //!
 //! | file | what happens there |
 //! |---|---|
-//! | `mod.rs` | the states and what happens in each: start at [`FlightTracker::update`] |
+//! | `mod.rs` | a frame in each state: start at [`FlightTracker::update`] |
+//! | `search.rs` | where a lost target is looked for, and when it is taken as found |
+//! | `options.rs` | options, states, results |
 //! | `evidence.rs`, `candidates.rs` | what the last search says about its choice and about other places |
 //! | `presence.rs` | evidence -> probability; coefficients travel with the weights |
 //! | `camera.rs`, `kalman.rs` | where the target should be: the picture's motion and the target's own |
@@ -15,123 +17,29 @@ mod camera;
 mod candidates;
 mod evidence;
 mod kalman;
+mod options;
 mod presence;
+mod search;
 mod sweep;
 
 use std::time::{Duration, Instant};
 
 use crate::bbox::{BBox, CenterBox};
-use crate::config::TrackConfig;
 use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
 use crate::tracker::{Tracker, TrackerOptions};
-use camera::{CameraMotion, Motion};
+use camera::CameraMotion;
 use evidence::{Finding, Witness};
 use kalman::Kalman;
 use presence::Smoothed;
+use search::Tentative;
 use sweep::Sweep;
 
 pub use candidates::{Candidate, MAX_CANDIDATES};
 pub use evidence::{COUNT as EVIDENCE_COUNT, Evidence, NAMES as EVIDENCE_NAMES};
+pub use options::{Budget, FlightOptions, FlightTrack, State};
 pub use presence::{NOTE as PRESENCE_NOTE, Presence, PresenceError};
-
-/// How sure the tracker is of its target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum State {
-    /// The box is on the target.
-    Tracking,
-    /// The box may be on the target.
-    LowConfidence,
-    /// The target is hidden; the box is predicted from its motion and the camera's.
-    Coasting,
-    /// The target is gone and searched for; the box is where it would be.
-    Lost,
-    /// The target has just been found again.
-    Reacquired,
-}
-
-impl State {
-    /// Whether the box rests on what was seen in this frame.
-    pub fn is_seen(self) -> bool {
-        matches!(self, State::Tracking | State::LowConfidence | State::Reacquired)
-    }
-
-    /// A word for logs and protocols.
-    pub fn name(self) -> &'static str {
-        match self {
-            State::Tracking => "tracking",
-            State::LowConfidence => "low_confidence",
-            State::Coasting => "coasting",
-            State::Lost => "lost",
-            State::Reacquired => "reacquired",
-        }
-    }
-}
-
-/// How a [`FlightTracker`] is to run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlightOptions {
-    /// Threads that one frame is spread over.
-    pub threads: usize,
-    /// Hyper-parameters of the paper's tracker.
-    pub config: TrackConfig,
-    /// Presence from which on the target counts as seen.
-    pub present: f64,
-    /// Presence from which on its motion is believed.
-    pub sure: f64,
-    /// Presence below which it counts as gone.
-    pub absent: f64,
-    /// Frames below `absent` before the box is no longer believed.
-    pub patience: u32,
-    /// Frames of coasting before the target counts as lost.
-    pub coast: u32,
-    /// Frames in a row that a place must look like the target before a lost one is taken as found.
-    pub confirm: u32,
-    /// Whether to coast and to search; without, the paper's tracker runs on and only `presence` tells.
-    pub recover: bool,
-}
-
-impl FlightOptions {
-    /// The defaults for a model: one thread, its own hyper-parameters.
-    pub fn new(model: &Model) -> FlightOptions {
-        FlightOptions {
-            threads: 1,
-            config: model.config(),
-            present: 0.5,
-            sure: 0.8,
-            absent: 0.05,
-            patience: 8,
-            coast: 30,
-            confirm: 3,
-            recover: true,
-        }
-    }
-}
-
-/// How much work one frame may be; the first search is always made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Budget {
-    /// As many searches as should fit into this time.
-    Deadline(Duration),
-    /// Exactly so many searches, where there is something to search for: the same on every machine.
-    Searches(u32),
-}
-
-/// Where the target is in one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlightTrack {
-    /// The target's box in frame pixels; predicted where the state says so.
-    pub bbox: BBox,
-    /// Raw score of the last search; no probability.
-    pub score: f32,
-    /// Probability that the box is on the target.
-    pub presence: f32,
-    /// How sure that is.
-    pub state: State,
-    /// Searches made for this frame.
-    pub searches: u32,
-}
 
 /// Follows one object and says whether it is there.
 #[derive(Debug)]
@@ -158,20 +66,8 @@ pub struct FlightTracker {
     evidence: Option<Evidence>,
 }
 
-/// A place that looks like the target but is not yet taken for it.
-#[derive(Clone, Copy, Debug)]
-struct Tentative {
-    bbox: CenterBox,
-    confirmed: u32,
-    needed: u32,
-}
-
-/// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
-const TILE_SHARE: f64 = 120.0 / 303.0;
 /// Frames that the target must stay surely seen before its motion is remembered.
 const ANCHOR_AGE: u32 = 4;
-/// Most places that wait for a closer look.
-const MAX_LEADS: usize = 8;
 /// Frames of [`State::Reacquired`] before [`State::Tracking`].
 const FRESH: u32 = 10;
 /// A rival must have this share of the chosen box's score to be taken in its place,
@@ -352,134 +248,6 @@ impl FlightTracker {
         self.kalman.is_none_or(|kalman| kalman.distance(bbox) <= kalman.gate())
     }
 
-    /// Looks where the target should be, then wherever it may be, as long as the budget lasts; returns the searches made.
-    fn seek(
-        &mut self,
-        frame: &Frame<'_>,
-        motion: &Motion,
-        budget: Budget,
-        started: Instant,
-    ) -> Result<u32, TrackError> {
-        if let Some(kalman) = &mut self.kalman {
-            kalman.coast();
-            kalman.bound(frame.width(), frame.height());
-        }
-        let carry = |bbox: &CenterBox| motion.carry(bbox);
-        for (_, bbox) in &mut self.leads {
-            *bbox = carry(bbox);
-        }
-        if let Some(tentative) = &mut self.tentative {
-            tentative.bbox = carry(&tentative.bbox);
-        }
-        if self.state == State::Coasting && self.frames_in_state > self.options.coast {
-            self.enter(State::Lost);
-        }
-        let mut verified = false;
-        for searches in 1.. {
-            let began = Instant::now();
-            let ahead = self.state == State::Coasting || self.frames_in_state.is_multiple_of(3);
-            if searches == 1 && ahead && self.tentative.is_none() {
-                verified = self.look_ahead(frame)?;
-            } else if !verified && (self.tentative.is_some() || self.closer_look && self.take_lead()) {
-                // Once a frame: it takes one frame after the other to confirm a place.
-                (verified, self.closer_look) = (true, false);
-                if self.verify(frame)? {
-                    return Ok(searches);
-                }
-            } else {
-                self.closer_look = true;
-                self.look_elsewhere(frame)?;
-            }
-            self.search_cost = (3 * self.search_cost + began.elapsed()) / 4;
-            let more = match budget {
-                Budget::Searches(most) => searches < most,
-                Budget::Deadline(deadline) => started.elapsed() + self.search_cost * 5 / 4 < deadline,
-            };
-            if !more {
-                return Ok(searches);
-            }
-        }
-        unreachable!("the loop ends by its budget")
-    }
-
-    /// Looks around the predicted place; `true` if something there may be the target.
-    fn look_ahead(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
-        let predicted = self.predicted(frame);
-        self.tracker.look(frame, predicted, 1.0, self.options.config.window_influence)?;
-        let Some(finding) = self.judge(true) else { return Ok(false) };
-        self.score = finding.score;
-        self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
-        let promising = self.presence.alone(&finding.evidence) >= self.options.present
-            && self.is_within_reach(&finding.bbox);
-        if promising {
-            let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
-            let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..predicted };
-            self.tentative = Some(Tentative { bbox, confirmed: 1, needed });
-        }
-        Ok(promising)
-    }
-
-    /// Looks at the sweep's next tile, in a wider region, and keeps what it finds there as a lead.
-    fn look_elsewhere(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
-        let size = self.predicted(frame);
-        let tile = self.sweep.next().or_else(|| {
-            let side = f64::from(size.w * size.h).sqrt();
-            let radius = self.kalman.map_or(0.0, |kalman| kalman.gate()) * side;
-            let frame_size = (frame.width(), frame.height());
-            self.sweep.plan(frame_size, self.tile_side(&size), (size.cx, size.cy), radius);
-            self.sweep.next()
-        });
-        let Some(((cx, cy), zoom)) = tile else { return Ok(()) };
-        self.tracker.look(frame, CenterBox { cx, cy, ..size }, zoom, 0.0)?;
-        let Some(finding) = self.judge(false) else { return Ok(()) };
-        if self.is_within_reach(&finding.bbox) {
-            let odds = self.presence.log_odds(&finding.evidence);
-            self.leads.push((odds, CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..size }));
-            self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let excess = self.leads.len().saturating_sub(MAX_LEADS);
-            self.leads.drain(..excess);
-        }
-        Ok(())
-    }
-
-    /// Takes the best lead for a closer look, if there is one.
-    fn take_lead(&mut self) -> bool {
-        if self.tentative.is_none() {
-            let lead = self.leads.pop();
-            self.tentative =
-                lead.map(|(_, bbox)| Tentative { bbox, confirmed: 0, needed: self.options.confirm });
-        }
-        self.tentative.is_some()
-    }
-
-    /// Tracks the tentative place for one frame; `true` if it is now taken for the target.
-    fn verify(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
-        let Some(mut tentative) = self.tentative.take() else { return Ok(false) };
-        let back = self.tracker.target_box();
-        self.tracker.place(tentative.bbox);
-        let track = self.tracker.update(frame)?;
-        let Some(finding) = self.judge(false) else { return Ok(false) };
-        if self.presence.alone(&finding.evidence) < self.options.present {
-            back.into_iter().for_each(|bbox| self.tracker.place(bbox));
-            return Ok(false);
-        }
-        tentative.bbox = track.bbox.center();
-        tentative.confirmed += 1;
-        if tentative.confirmed < tentative.needed {
-            self.tentative = Some(tentative);
-            return Ok(false);
-        }
-        self.kalman = Some(Kalman::new(&tentative.bbox));
-        (self.anchor, self.next_anchor) = (self.kalman, None);
-        self.smoothed = Smoothed::default();
-        self.probability = self.smoothed.add(&self.presence, &finding.evidence);
-        self.score = finding.score;
-        self.enter(State::Reacquired);
-        self.faint = 0;
-        self.give_up_search();
-        Ok(true)
-    }
-
     fn judge(&mut self, expected: bool) -> Option<Finding> {
         let kalman = self.kalman.filter(|_| expected);
         let distance = |bbox: &CenterBox| kalman.map_or(0.0, |kalman| kalman.distance(bbox));
@@ -510,18 +278,6 @@ impl FlightTracker {
     fn predicted(&self, frame: &Frame<'_>) -> CenterBox {
         let bbox = self.kalman.map_or_else(CenterBox::default, |kalman| kalman.bbox());
         bbox.clamped(frame.width(), frame.height(), self.options.config.min_size)
-    }
-
-    /// Frame pixels that one search covers for a target of this size.
-    fn tile_side(&self, size: &CenterBox) -> f64 {
-        let architecture = self.tracker.model().architecture();
-        let scale = crate::crop::scale(
-            size.w.into(),
-            size.h.into(),
-            self.options.config.context_amount,
-            architecture.template_size,
-        );
-        TILE_SHARE * architecture.search_size as f64 / scale
     }
 
     /// Looks at one place without any consequence: the box found there and what speaks for it; `None` if the network

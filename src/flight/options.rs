@@ -1,0 +1,103 @@
+//! What goes into a [`FlightTracker`](super::FlightTracker) and what comes out.
+
+use crate::bbox::BBox;
+use crate::config::TrackConfig;
+use crate::model::Model;
+use std::time::Duration;
+
+/// How sure the tracker is of its target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum State {
+    /// The box is on the target.
+    Tracking,
+    /// The box may be on the target.
+    LowConfidence,
+    /// The target is hidden; the box is predicted from its motion and the camera's.
+    Coasting,
+    /// The target is gone and searched for; the box is where it would be.
+    Lost,
+    /// The target has just been found again.
+    Reacquired,
+}
+
+impl State {
+    /// Whether the box rests on what was seen in this frame.
+    pub fn is_seen(self) -> bool {
+        matches!(self, State::Tracking | State::LowConfidence | State::Reacquired)
+    }
+
+    /// A word for logs and protocols.
+    pub fn name(self) -> &'static str {
+        match self {
+            State::Tracking => "tracking",
+            State::LowConfidence => "low_confidence",
+            State::Coasting => "coasting",
+            State::Lost => "lost",
+            State::Reacquired => "reacquired",
+        }
+    }
+}
+
+/// How a [`FlightTracker`] is to run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlightOptions {
+    /// Threads that one frame is spread over.
+    pub threads: usize,
+    /// Hyper-parameters of the paper's tracker.
+    pub config: TrackConfig,
+    /// Presence from which on the target counts as seen.
+    pub present: f64,
+    /// Presence from which on its motion is believed.
+    pub sure: f64,
+    /// Presence below which it counts as gone.
+    pub absent: f64,
+    /// Frames below `absent` before the box is no longer believed.
+    pub patience: u32,
+    /// Frames of coasting before the target counts as lost.
+    pub coast: u32,
+    /// Frames in a row that a place must look like the target before a lost one is taken as found.
+    pub confirm: u32,
+    /// Whether to coast and to search; without, the paper's tracker runs on and only `presence` tells.
+    pub recover: bool,
+}
+
+impl FlightOptions {
+    /// The defaults for a model: one thread, its own hyper-parameters.
+    pub fn new(model: &Model) -> FlightOptions {
+        FlightOptions {
+            threads: 1,
+            config: model.config(),
+            present: 0.5,
+            sure: 0.8,
+            absent: 0.05,
+            patience: 8,
+            coast: 30,
+            confirm: 3,
+            recover: true,
+        }
+    }
+}
+
+/// How much work one frame may be; the first search is always made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Budget {
+    /// As many searches as should fit into this time.
+    Deadline(Duration),
+    /// Exactly so many searches, where there is something to search for: the same on every machine.
+    Searches(u32),
+}
+
+/// Where the target is in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlightTrack {
+    /// The target's box in frame pixels; predicted where the state says so.
+    pub bbox: BBox,
+    /// Raw score of the last search; no probability.
+    pub score: f32,
+    /// Probability that the box is on the target.
+    pub presence: f32,
+    /// How sure that is.
+    pub state: State,
+    /// Searches made for this frame.
+    pub searches: u32,
+}

@@ -1,0 +1,165 @@
+//! Finding a target that is not where it should be.
+
+use super::camera::Motion;
+use super::kalman::Kalman;
+use super::presence::Smoothed;
+use super::{Budget, FlightTracker, State};
+use crate::bbox::CenterBox;
+use crate::error::TrackError;
+use crate::frame::Frame;
+use std::time::Instant;
+
+/// A place that looks like the target but is not yet taken for it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tentative {
+    pub bbox: CenterBox,
+    pub confirmed: u32,
+    pub needed: u32,
+}
+
+/// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
+const TILE_SHARE: f64 = 120.0 / 303.0;
+/// Most places that wait for a closer look.
+const MAX_LEADS: usize = 8;
+
+impl FlightTracker {
+    /// Looks where the target should be, then wherever it may be, as long as the budget lasts; returns the searches made.
+    pub(super) fn seek(
+        &mut self,
+        frame: &Frame<'_>,
+        motion: &Motion,
+        budget: Budget,
+        started: Instant,
+    ) -> Result<u32, TrackError> {
+        if let Some(kalman) = &mut self.kalman {
+            kalman.coast();
+            kalman.bound(frame.width(), frame.height());
+        }
+        let carry = |bbox: &CenterBox| motion.carry(bbox);
+        for (_, bbox) in &mut self.leads {
+            *bbox = carry(bbox);
+        }
+        if let Some(tentative) = &mut self.tentative {
+            tentative.bbox = carry(&tentative.bbox);
+        }
+        if self.state == State::Coasting && self.frames_in_state > self.options.coast {
+            self.enter(State::Lost);
+        }
+        let mut verified = false;
+        for searches in 1.. {
+            let began = Instant::now();
+            let ahead = self.state == State::Coasting || self.frames_in_state.is_multiple_of(3);
+            if searches == 1 && ahead && self.tentative.is_none() {
+                verified = self.look_ahead(frame)?;
+            } else if !verified && (self.tentative.is_some() || self.closer_look && self.take_lead()) {
+                // Once a frame: it takes one frame after the other to confirm a place.
+                (verified, self.closer_look) = (true, false);
+                if self.verify(frame)? {
+                    return Ok(searches);
+                }
+            } else {
+                self.closer_look = true;
+                self.look_elsewhere(frame)?;
+            }
+            self.search_cost = (3 * self.search_cost + began.elapsed()) / 4;
+            let more = match budget {
+                Budget::Searches(most) => searches < most,
+                Budget::Deadline(deadline) => started.elapsed() + self.search_cost * 5 / 4 < deadline,
+            };
+            if !more {
+                return Ok(searches);
+            }
+        }
+        unreachable!("the loop ends by its budget")
+    }
+
+    /// Looks around the predicted place; `true` if something there may be the target.
+    fn look_ahead(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
+        let predicted = self.predicted(frame);
+        self.tracker.look(frame, predicted, 1.0, self.options.config.window_influence)?;
+        let Some(finding) = self.judge(true) else { return Ok(false) };
+        self.score = finding.score;
+        self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
+        let promising = self.presence.alone(&finding.evidence) >= self.options.present
+            && self.is_within_reach(&finding.bbox);
+        if promising {
+            let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
+            let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..predicted };
+            self.tentative = Some(Tentative { bbox, confirmed: 1, needed });
+        }
+        Ok(promising)
+    }
+
+    /// Looks at the sweep's next tile, in a wider region, and keeps what it finds there as a lead.
+    fn look_elsewhere(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
+        let size = self.predicted(frame);
+        let tile = self.sweep.next().or_else(|| {
+            let side = f64::from(size.w * size.h).sqrt();
+            let radius = self.kalman.map_or(0.0, |kalman| kalman.gate()) * side;
+            let frame_size = (frame.width(), frame.height());
+            self.sweep.plan(frame_size, self.tile_side(&size), (size.cx, size.cy), radius);
+            self.sweep.next()
+        });
+        let Some(((cx, cy), zoom)) = tile else { return Ok(()) };
+        self.tracker.look(frame, CenterBox { cx, cy, ..size }, zoom, 0.0)?;
+        let Some(finding) = self.judge(false) else { return Ok(()) };
+        if self.is_within_reach(&finding.bbox) {
+            let odds = self.presence.log_odds(&finding.evidence);
+            self.leads.push((odds, CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..size }));
+            self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let excess = self.leads.len().saturating_sub(MAX_LEADS);
+            self.leads.drain(..excess);
+        }
+        Ok(())
+    }
+
+    /// Takes the best lead for a closer look, if there is one.
+    fn take_lead(&mut self) -> bool {
+        if self.tentative.is_none() {
+            let lead = self.leads.pop();
+            self.tentative =
+                lead.map(|(_, bbox)| Tentative { bbox, confirmed: 0, needed: self.options.confirm });
+        }
+        self.tentative.is_some()
+    }
+
+    /// Tracks the tentative place for one frame; `true` if it is now taken for the target.
+    fn verify(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
+        let Some(mut tentative) = self.tentative.take() else { return Ok(false) };
+        let back = self.tracker.target_box();
+        self.tracker.place(tentative.bbox);
+        let track = self.tracker.update(frame)?;
+        let Some(finding) = self.judge(false) else { return Ok(false) };
+        if self.presence.alone(&finding.evidence) < self.options.present {
+            back.into_iter().for_each(|bbox| self.tracker.place(bbox));
+            return Ok(false);
+        }
+        tentative.bbox = track.bbox.center();
+        tentative.confirmed += 1;
+        if tentative.confirmed < tentative.needed {
+            self.tentative = Some(tentative);
+            return Ok(false);
+        }
+        self.kalman = Some(Kalman::new(&tentative.bbox));
+        (self.anchor, self.next_anchor) = (self.kalman, None);
+        self.smoothed = Smoothed::default();
+        self.probability = self.smoothed.add(&self.presence, &finding.evidence);
+        self.score = finding.score;
+        self.enter(State::Reacquired);
+        self.faint = 0;
+        self.give_up_search();
+        Ok(true)
+    }
+
+    /// Frame pixels that one search covers for a target of this size.
+    fn tile_side(&self, size: &CenterBox) -> f64 {
+        let architecture = self.tracker.model().architecture();
+        let scale = crate::crop::scale(
+            size.w.into(),
+            size.h.into(),
+            self.options.config.context_amount,
+            architecture.template_size,
+        );
+        TILE_SHARE * architecture.search_size as f64 / scale
+    }
+}
