@@ -38,7 +38,7 @@ impl Clip {
 
 /// The times of all updates, in order of length, and the mean share of each stage.
 fn measure(clip: &Clip, model: &Model, threads: usize) -> (Vec<Duration>, Vec<(&'static str, f64)>) {
-    let options = TrackerOptions { threads, config: model.config() };
+    let options = TrackerOptions { threads, ..TrackerOptions::of(model) };
     let mut tracker = Tracker::with_options(model.clone(), options);
     tracker.init(&clip.frame(0), clip.target).expect("a target in its frame");
     let (mut times, mut stages) = (Vec::new(), Vec::new());

@@ -23,6 +23,7 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+mod adaptive;
 pub mod bbox;
 pub mod config;
 mod correction;
@@ -47,4 +48,4 @@ pub use frame::{ChannelOrder, Frame};
 pub use kernels::Isa;
 pub use model::{Model, Precision};
 pub use stages::Stages;
-pub use tracker::{Track, Tracker, TrackerOptions};
+pub use tracker::{SearchRegion, Track, Tracker, TrackerOptions};

@@ -40,6 +40,15 @@ impl Selector {
         }
     }
 
+    /// For the crop that is `less` cells smaller on every side: the same cells with the same window.
+    pub(crate) fn within(&self, less: usize) -> Selector {
+        Selector {
+            offset: self.offset,
+            hann: self.hann[less..self.hann.len() - less].to_vec(),
+            crop_middle: self.crop_middle - (less * Architecture::TOTAL_STRIDE) as f64,
+        }
+    }
+
     /// Cells along one side of the score map.
     pub(crate) fn side(&self) -> usize {
         self.hann.len()

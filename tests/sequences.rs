@@ -24,7 +24,7 @@ fn frames(sequence: &Path) -> Vec<PathBuf> {
 
 /// Tracks the first `count` frames from `init` on.
 fn track(model: &Model, sequence: &Path, init: BBox, count: usize) -> Vec<BBox> {
-    let options = TrackerOptions { threads: 2, config: model.config() };
+    let options = TrackerOptions { threads: 2, ..TrackerOptions::of(model) };
     let mut tracker = Tracker::with_options(model.clone(), options);
     let mut boxes = Vec::new();
     for path in frames(sequence).iter().take(count) {

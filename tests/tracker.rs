@@ -1,7 +1,9 @@
 //! The tracker's behaviour through its public face, on rendered frames.
 
 use track_cpu::error::TrackError;
-use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Track, Tracker, TrackerOptions};
+use track_cpu::{
+    BBox, ChannelOrder, Frame, Isa, Model, Precision, SearchRegion, Track, Tracker, TrackerOptions,
+};
 
 /// A frame of stripes with a bright cross whose middle is at (`cx`, `cy`).
 fn scene(width: usize, height: usize, cx: i64, cy: i64) -> Vec<u8> {
@@ -27,8 +29,8 @@ fn cross_box(cx: i64, cy: i64) -> BBox {
 
 fn tracker(threads: usize) -> Tracker {
     let model = Model::builtin(Isa::detect());
-    let config = model.config();
-    Tracker::with_options(model, TrackerOptions { threads, config })
+    let options = TrackerOptions { threads, ..TrackerOptions::of(&model) };
+    Tracker::with_options(model, options)
 }
 
 fn path(i: i64) -> (i64, i64) {
@@ -53,6 +55,30 @@ fn follows_a_moving_target() {
         assert!(iou > 0.5, "frame {}: {track:?}, IoU {iou}", i + 1);
         assert!(track.score > 0.2 && track.score <= 1.0, "{track:?}");
     }
+}
+
+#[test]
+fn adaptive_search_looks_at_less_and_follows_as_well() {
+    let model = Model::builtin(Isa::detect());
+    let options = TrackerOptions { search: SearchRegion::Adaptive, ..TrackerOptions::of(&model) };
+    let mut tracker = Tracker::with_options(model, options);
+    let place = |i: i64| if i < 12 { (120 + i, 90) } else { (140 + 9 * (i - 12), 90 + 5 * (i - 12)) };
+    let mut small = Vec::new();
+    for i in 0..24 {
+        let (cx, cy) = place(i);
+        let pixels = scene(320, 240, cx, cy);
+        let frame = rgb(&pixels, 320, 240);
+        if i == 0 {
+            tracker.init(&frame, cross_box(cx, cy)).unwrap();
+            continue;
+        }
+        let track = tracker.update(&frame).unwrap();
+        assert!(track.bbox.iou(&cross_box(cx, cy)) > 0.5, "frame {i}: {track:?}");
+        small.push(tracker.last_crop().len() == 239 * 239 * 3);
+    }
+    assert!(small[..3].iter().all(|small| !small), "it begins with the whole region: {small:?}");
+    assert!(small[3..11].iter().filter(|small| **small).count() >= 4, "while all is calm: {small:?}");
+    assert!(small[12..].iter().any(|small| !small), "not when the target starts off: {small:?}");
 }
 
 #[test]

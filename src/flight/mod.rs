@@ -28,7 +28,7 @@ use crate::bbox::{BBox, CenterBox};
 use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
-use crate::tracker::{Tracker, TrackerOptions};
+use crate::tracker::{SearchRegion, Tracker, TrackerOptions};
 use camera::CameraMotion;
 use evidence::{Finding, Witness};
 use kalman::Kalman;
@@ -87,7 +87,8 @@ impl FlightTracker {
 
     /// A tracker with other presence coefficients.
     pub fn with_presence(model: Model, options: FlightOptions, presence: Presence) -> FlightTracker {
-        let tracker_options = TrackerOptions { threads: options.threads, config: options.config };
+        let tracker_options =
+            TrackerOptions { threads: options.threads, config: options.config, search: SearchRegion::Full };
         FlightTracker {
             tracker: Tracker::with_options(model, tracker_options),
             options,

@@ -42,6 +42,8 @@ impl Head {
         context.conv(threads, &self.centerness, &maps.cls[2], &mut maps.centerness);
         context.conv(threads, &self.offsets, &maps.reg[2], &mut maps.offsets);
 
+        outputs.ltrb.resize(maps.offsets.values().len(), 0.0);
+        outputs.score.resize(maps.score.values().len(), 0.0);
         outputs.ltrb.copy_from_slice(maps.offsets.values());
         scaled_exp(&mut outputs.ltrb, Architecture::TOTAL_STRIDE as f32);
         let logits = maps.score.values().iter().zip(maps.centerness.values());

@@ -121,17 +121,17 @@ impl Network {
     ///
     /// Panics if the crop has not the model's size or no template was set.
     pub fn search(&mut self, crop: &[u8]) -> &Outputs {
-        self.search_timed(crop, &mut Stages::default())
+        self.search_timed(crop, self.model.architecture().search_size, &mut Stages::default())
     }
 
-    /// As [`search`](Self::search), noting the time of every stage.
-    pub(crate) fn search_timed(&mut self, crop: &[u8], stages: &mut Stages) -> &mut Outputs {
+    /// As [`search`](Self::search) on a crop of `side` pixels, noting the time of every stage.
+    pub(crate) fn search_timed(&mut self, crop: &[u8], side: usize, stages: &mut Stages) -> &mut Outputs {
         let Network { model, threads, scratch, template, outputs } = self;
         assert!(template.cls.channels() > 0, "search needs template features: call set_template first");
         threads.enter(|| {
             let mut lap = Lap::start();
             let layers = model.layers();
-            scratch.set_crop(crop, model.architecture().search_size, &layers.backbone.conv1);
+            scratch.set_crop(crop, side, &layers.backbone.conv1);
             let Scratch { context, backbone, encoded, encoded_neck, neck, response, head } = scratch;
 
             layers.backbone.run(context, threads, backbone);

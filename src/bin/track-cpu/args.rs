@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use kernels::conv::Algorithm;
 use scenes::Difficulty;
 use track_cpu::source::{PixelFormat, RawFormat};
-use track_cpu::{BBox, Isa, Model, ModelError, Precision};
+use track_cpu::{BBox, Isa, Model, ModelError, Precision, SearchRegion, TrackerOptions};
 use weights_format::{Architecture, Calibration, Encoder, LayerKind, Range, Weights, Widths};
 
 /// Follows one object through video on a CPU.
@@ -72,6 +72,19 @@ pub struct EngineArgs {
     /// [default: the model's].
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub correction: Option<f64>,
+    /// How much of the search region is looked at.
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = Search::Full)]
+    pub search: Search,
+}
+
+/// How much of the search region is looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Search {
+    /// All of it, in every frame.
+    #[default]
+    Full,
+    /// Its middle, while the target is easy to follow; not in flight mode.
+    Auto,
 }
 
 impl EngineArgs {
@@ -97,6 +110,15 @@ impl EngineArgs {
         let mut weights = weights.clone();
         weights.header.tracker.correction = correction;
         Model::with_precision(&weights, self.isa(), precision)
+    }
+
+    /// How a tracker of the model is to run.
+    pub fn options(&self, model: &Model) -> TrackerOptions {
+        let search = match self.search {
+            Search::Full => SearchRegion::Full,
+            Search::Auto => SearchRegion::Adaptive,
+        };
+        TrackerOptions { threads: self.threads, search, ..TrackerOptions::of(model) }
     }
 
     /// Random weights as they are to run; bytes only if asked for, with ranges out of the air.

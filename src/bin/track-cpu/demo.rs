@@ -5,7 +5,7 @@ use std::time::Instant;
 use image::RgbImage;
 use scenes::{Flight, FlightConfig, FrameBuffer, Truth};
 use serde_json::json;
-use track_cpu::{BBox, ChannelOrder, Frame, Tracker, TrackerOptions};
+use track_cpu::{BBox, ChannelOrder, Frame, Tracker};
 
 use crate::args::DemoArgs;
 use crate::exit::Failure;
@@ -25,7 +25,7 @@ const PRECISE_PX: f32 = 20.0;
 /// Runs the sub-command.
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let model = args.engine.model(None)?;
-    let options = TrackerOptions { threads: args.engine.threads, config: model.config() };
+    let options = args.engine.options(&model);
     let mut tracker = Tracker::with_options(model, options);
     std::fs::create_dir_all(&args.out).map_err(|error| Failure::output(&args.out, error))?;
     let (gif, sheet) = (args.out.join("demo.gif"), args.out.join("sheet.png"));

@@ -1,9 +1,9 @@
 //! What follows the target in `track`: the tracker as published, or flight mode.
 
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
-use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker, TrackerOptions};
+use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker};
 
-use crate::args::Mode;
+use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 
 /// Searches per frame while the target is lost: a number, not a time, so that every run gives the same boxes.
@@ -30,14 +30,12 @@ pub struct Found {
 impl Follower {
     /// # Errors
     /// If the model's presence coefficients are wrong.
-    pub fn new(model: Model, threads: usize, mode: Mode) -> Result<Follower, Failure> {
-        let config = model.config();
+    pub fn new(model: Model, engine: &EngineArgs, mode: Mode) -> Result<Follower, Failure> {
+        let options = engine.options(&model);
         Ok(match mode {
-            Mode::Paper => {
-                Follower::Paper(Box::new(Tracker::with_options(model, TrackerOptions { threads, config })))
-            }
+            Mode::Paper => Follower::Paper(Box::new(Tracker::with_options(model, options))),
             Mode::Flight => {
-                let options = FlightOptions { threads, ..FlightOptions::new(&model) };
+                let options = FlightOptions { threads: engine.threads, ..FlightOptions::new(&model) };
                 Follower::Flight(Box::new(FlightTracker::new(model, options)?))
             }
         })

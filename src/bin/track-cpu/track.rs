@@ -33,7 +33,7 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let mut frames = Prefetch::new(source, AHEAD);
     let mut boxes = Boxes::create(args.out.as_deref(), args.json)?;
     let mut film = args.overlay.as_deref().map(Film::create).transpose()?;
-    let mut tracker = Follower::new(model, args.engine.threads, args.mode)?;
+    let mut tracker = Follower::new(model, &args.engine, args.mode)?;
 
     let began = Instant::now();
     let mut times = Vec::new();

@@ -87,7 +87,7 @@ pub unsafe extern "C" fn track_cpu_create(
                 Model::read(Path::new(path), Isa::detect())?
             }
         };
-        let options = TrackerOptions { threads: threads as usize, config: model.config() };
+        let options = TrackerOptions { threads: threads as usize, ..TrackerOptions::of(&model) };
         let tracker = Tracker::with_options(model, options);
         *out = Box::into_raw(Box::new(track_cpu_tracker { tracker, score: 0.0 }));
         Ok(())

@@ -38,7 +38,8 @@ pub fn correction(weights: &Weights, dataset: &Dataset, pairs: u64) -> Result<[f
         (near.w, near.h) = (near.w * stretch, near.h * stretch);
         for (share, sum) in SHARES.into_iter().zip(&mut sums) {
             let config = TrackConfig { correction: share, ..model.config() };
-            let mut tracker = Tracker::with_options(model.clone(), TrackerOptions { threads: 1, config });
+            let mut tracker =
+                Tracker::with_options(model.clone(), TrackerOptions { config, ..TrackerOptions::of(&model) });
             tracker.init(&first.picture.frame(), first.bbox)?;
             tracker.place(near);
             let mut found = truth;

@@ -64,8 +64,9 @@ pub fn measure(
     tick: impl Fn(),
 ) -> Result<Measured, Failure> {
     let frames = clip.frames()?;
-    let make =
-        |threads| Tracker::with_options(model.clone(), TrackerOptions { threads, config: model.config() });
+    let make = |threads| {
+        Tracker::with_options(model.clone(), TrackerOptions { threads, ..args.engine.options(model) })
+    };
     let mut tracker = make(args.engine.threads);
     tracker.init(&frames[0], clip.target)?; // the first call also touches every buffer
     let started = Instant::now();

@@ -13,7 +13,7 @@ use super::args::ReplayArgs;
 use super::engine::Engine;
 use super::log::{self, Asked};
 use super::sources::parse_flight;
-use crate::args::{EngineArgs, Mode};
+use crate::args::{EngineArgs, Mode, Search};
 use crate::exit::Failure;
 use crate::report::print;
 use track_cpu::flight::Budget;
@@ -38,7 +38,13 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let precision = text("precision").and_then(|name| Precision::from_name(&name));
     let precision = precision.ok_or_else(|| lines.wrong("names no known precision"))?;
     let correction = head["correction"].as_f64();
-    let engine_args = EngineArgs { threads: 1, isa: Some(isa), precision: Some(precision), correction };
+    let engine_args = EngineArgs {
+        threads: 1,
+        isa: Some(isa),
+        precision: Some(precision),
+        correction,
+        search: Search::Full,
+    };
     let mut engine = Engine::new(engine_args.model(path.as_deref())?, 1, mode)?;
     let mut frames = match &args.frames {
         Some(folder) => Frames::Saved(folder.clone()),

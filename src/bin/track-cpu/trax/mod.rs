@@ -6,7 +6,6 @@ mod session;
 use std::io::{BufReader, BufWriter};
 use std::net::{Ipv4Addr, TcpStream};
 
-use track_cpu::TrackerOptions;
 use track_cpu::source::SourceError;
 
 use crate::args::TraxArgs;
@@ -16,7 +15,7 @@ use session::Session;
 /// Serves one session.
 pub fn run(args: &TraxArgs) -> Result<(), Failure> {
     let model = args.engine.model(args.model.as_deref())?;
-    let options = TrackerOptions { threads: args.engine.threads, config: model.config() };
+    let options = args.engine.options(&model);
     match std::env::var("TRAX_SOCKET") {
         Ok(port) => {
             let stream = connect(&port)?;
