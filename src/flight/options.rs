@@ -38,7 +38,7 @@ impl State {
     }
 }
 
-/// How a [`FlightTracker`] is to run.
+/// How a [`FlightTracker`](super::FlightTracker) is to run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightOptions {
     /// Threads that one frame is spread over.
