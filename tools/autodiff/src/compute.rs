@@ -65,7 +65,7 @@ impl Compute {
 
     /// Lets convolutions take Winograd's algorithm where that is expected to be faster.
     ///
-    /// A step then takes a third less time, and values are off by some 1e-5 of their RMS in place of 1e-7: nothing to
+    /// A step then takes little more than half the time, and values are off by some 1e-5 of their RMS in place of 1e-7: nothing to
     /// training, but more than a comparison with other code's gradients may allow, so it has to be asked for.
     pub fn with_winograd(self) -> Compute {
         Compute { winograd: true, ..self }
