@@ -44,7 +44,7 @@ impl Adaptive {
         self.calm >= PATIENCE
     }
 
-    /// Takes note of what a search with `selector` chose; whether that may stand, if it was in the smaller region.
+    /// Takes note of what a search chose in a crop with this middle; whether that may stand, if it was the smaller crop.
     pub(crate) fn note(&mut self, choice: Option<&Choice>, middle: f64) -> bool {
         let near = |at: f32| (f64::from(at) - middle).abs() <= SHIFT * Architecture::TOTAL_STRIDE as f64;
         let calm = choice

@@ -158,17 +158,18 @@ impl Tracker {
         let config = self.config;
         let mut inner = self.adaptive.as_ref().is_some_and(Adaptive::is_calm);
         let mut seen = self.search(frame, &target, 1.0, inner, &config);
-        if let Some(adaptive) = &mut self.adaptive {
-            let selector = if inner { &adaptive.selector } else { &self.selector };
-            let (_, middle) = selector.geometry();
-            if !adaptive.note(seen.choice.as_ref(), middle) && inner {
-                inner = false;
-                seen = self.search(frame, &target, 1.0, inner, &config);
-            }
+        let (_, middle) = selector_of(&self.selector, &self.adaptive, inner).geometry();
+        if let Some(adaptive) = &mut self.adaptive
+            && !adaptive.note(seen.choice.as_ref(), middle)
+            && inner
+        {
+            inner = false;
+            seen = self.search(frame, &target, 1.0, inner, &config);
         }
         let Seen { scale, choice, .. } = seen;
         if let Some(choice) = &choice {
-            target.bbox = self.selector_of(inner).smooth(choice, &target.bbox, scale, &config);
+            let selector = selector_of(&self.selector, &self.adaptive, inner);
+            target.bbox = selector.smooth(choice, &target.bbox, scale, &config);
         }
         target.bbox = target.bbox.clamped(frame.width(), frame.height(), config.min_size);
         self.target = Some(target);
@@ -218,10 +219,7 @@ impl Tracker {
 
         target.correction.apply(&mut outputs.ltrb);
         let (w, h) = (f64::from(around.w) * scale, f64::from(around.h) * scale);
-        let selector = match &self.adaptive {
-            Some(adaptive) if inner => &adaptive.selector,
-            _ => &self.selector,
-        };
+        let selector = selector_of(&self.selector, &self.adaptive, inner);
         let seen = Seen { around, scale, choice: selector.choose(outputs, w, h, config) };
         self.seen = Some(seen);
         self.stages.select = lap.lap();
@@ -249,14 +247,6 @@ impl Tracker {
     /// The network, for its last outputs.
     pub(crate) fn network(&self) -> &Network {
         &self.network
-    }
-
-    /// What chooses in the whole region or in its inner part.
-    fn selector_of(&self, inner: bool) -> &Selector {
-        match &self.adaptive {
-            Some(adaptive) if inner => &adaptive.selector,
-            _ => &self.selector,
-        }
     }
 
     /// What knows where the score map's cells lie.
@@ -295,5 +285,13 @@ impl Tracker {
     /// Threads that one frame is spread over.
     pub fn threads(&self) -> usize {
         self.network.threads().count()
+    }
+}
+
+/// What chooses in the whole region or in its inner part.
+fn selector_of<'a>(whole: &'a Selector, adaptive: &'a Option<Adaptive>, inner: bool) -> &'a Selector {
+    match adaptive {
+        Some(adaptive) if inner => &adaptive.selector,
+        _ => whole,
     }
 }
