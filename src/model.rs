@@ -249,14 +249,14 @@ impl Builder<'_> {
 
     /// The algorithm of a convolution, chosen for the larger of the maps it works on.
     fn algorithm(&self, layer: &Layer) -> Algorithm {
-        if let Some(quantization) = self.quantization(layer) {
-            return Algorithm::Int8(quantization);
-        }
         let shape = conv_shape(layer);
         let out = layer.out_search.max(layer.out_template);
-        let side = (out - 1) * shape.stride + shape.kernel - 2 * shape.pad;
-        let asked = self.algorithm.unwrap_or_else(|| Algorithm::plan(&shape, Size::square(side)));
-        asked.supported(&shape)
+        let size = Size::square((out - 1) * shape.stride + shape.kernel - 2 * shape.pad);
+        match (self.quantization(layer), self.algorithm) {
+            (Some(quantization), _) => Algorithm::plan_bytes(&shape, size, quantization),
+            (None, Some(asked)) => asked.supported(&shape),
+            (None, None) => Algorithm::plan(&shape, size),
+        }
     }
 
     /// How a convolution's input becomes bytes, if it is to.

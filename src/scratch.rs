@@ -125,7 +125,7 @@ impl Context {
 /// The buffers of one network.
 #[derive(Debug)]
 pub(crate) struct Scratch {
-    pub context: Context,
+    pub contexts: [Context; 2], // one for each task; all else takes the first
     pub backbone: BackboneMaps,
     pub encoded: DrMaps,
     pub encoded_neck: [DrMaps; 2],
@@ -137,7 +137,7 @@ pub(crate) struct Scratch {
 impl Scratch {
     pub(crate) fn new(isa: Isa) -> Scratch {
         Scratch {
-            context: Context { isa, conv: Vec::new() },
+            contexts: [(); 2].map(|()| Context { isa, conv: Vec::new() }),
             backbone: BackboneMaps::default(),
             encoded: DrMaps::default(),
             encoded_neck: Default::default(),

@@ -260,7 +260,7 @@ fn bytes_where_the_model_allows_them() {
         let output = run(["bench", "--frames", "2", "--json"].iter().chain(more), b"");
         (output.status.code(), stdout(&output), stderr(&output))
     };
-    for (precision, algorithm) in [("int8", "int8"), ("f32", "direct")] {
+    for (precision, algorithm) in [("int8", "int8"), ("f32", "winograd10")] {
         let (code, json, errors) = bench(&["--widths", "P90", "--precision", precision]);
         assert_eq!(code, Some(0), "{errors}");
         let object: Value = serde_json::from_str(&json).unwrap();

@@ -92,12 +92,13 @@ fn same_bits_with_any_number_of_threads_and_every_time() {
 #[test]
 fn every_isa_gives_the_same_boxes() {
     let weights = Model::builtin_weights();
-    for precision in [Precision::F32, Precision::Int8] {
+    // In int8 a value that `f32` rounds differently may become the next byte.
+    for (precision, least) in [(Precision::F32, 0.999), (Precision::Int8, 0.99)] {
         let tracker = |isa| Tracker::new(Model::with_precision(&weights, isa, precision).unwrap());
         let best = follow(&mut tracker(Isa::detect()), 6);
         for isa in Isa::available() {
             for (a, b) in follow(&mut tracker(isa), 6).iter().zip(&best) {
-                assert!(a.bbox.iou(&b.bbox) > 0.999, "{isa} {}: {a:?}, expected {b:?}", precision.name());
+                assert!(a.bbox.iou(&b.bbox) > least, "{isa} {}: {a:?}, expected {b:?}", precision.name());
             }
         }
     }

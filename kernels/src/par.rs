@@ -3,10 +3,12 @@
 //! Work is split into contiguous blocks of output rows; every output value is computed by one thread in one order, so
 //! results do not depend on the number of threads.
 
+use std::sync::Arc;
+
 /// A set of worker threads that kernels run on; of one thread it is the caller's own.
 #[derive(Debug)]
 pub struct Threads {
-    workers: Option<rayon::ThreadPool>,
+    workers: Option<Arc<rayon::ThreadPool>>,
     count: usize,
 }
 
@@ -20,7 +22,7 @@ impl Threads {
         let count = count.clamp(1, Self::MAX);
         let builder =
             rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(|i| format!("kernel-{i}"));
-        let workers = if count > 1 { builder.build().ok() } else { None };
+        let workers = if count > 1 { builder.build().ok().map(Arc::new) } else { None };
         let count = if workers.is_some() { count } else { 1 };
         Threads { workers, count }
     }
@@ -37,6 +39,24 @@ impl Threads {
             Some(workers) => workers.install(work),
             None => work(),
         }
+    }
+
+    /// Runs two works that do not depend on each other side by side, each on about half of the threads and in room of its own; on
+    /// one thread one after the other, both in the first one's, which the cache then still holds. Call within [`enter`](Self::enter).
+    pub fn both<T: Send>(
+        &self,
+        [room_a, room_b]: [&mut T; 2],
+        a: impl FnOnce(&Threads, &mut T) + Send,
+        b: impl FnOnce(&Threads, &mut T) + Send,
+    ) {
+        if self.count == 1 {
+            a(self, room_a);
+            b(self, room_a);
+            return;
+        }
+        let some = |count: usize| Threads { workers: self.workers.clone(), count };
+        let (first, second) = (some(self.count / 2), some(self.count - self.count / 2));
+        rayon::join(|| a(&first, room_a), || b(&second, room_b));
     }
 
     /// Splits `out` into blocks of whole rows of `row_len` values, one per thread, and calls `work(first_row, block)`
@@ -106,6 +126,35 @@ mod tests {
                 let expected: Vec<_> = (0..rows).flat_map(|r| [r + 1; 3]).collect();
                 assert_eq!(out, expected, "{threads} threads, {rows} rows");
             }
+        }
+    }
+
+    #[test]
+    fn side_by_side() {
+        for threads in [1, 2, 3, 8] {
+            let all = Threads::new(threads);
+            let (mut a, mut b) = (vec![0; 4], vec![0; 4]);
+            let mut counts = [0, 0];
+            let [first, second] = &mut counts;
+            let add = |row: usize, factor: usize, values: &mut [usize]| {
+                values.iter_mut().enumerate().for_each(|(i, value)| *value += factor * (row + i));
+            };
+            all.enter(|| {
+                all.both(
+                    [&mut a, &mut b],
+                    |threads, room| {
+                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| add(row, 1, values));
+                        *first = threads.count();
+                    },
+                    |threads, room| {
+                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| add(row, 10, values));
+                        *second = threads.count();
+                    },
+                );
+            });
+            let sum: usize = a.iter().chain(&b).sum();
+            assert_eq!(sum, 66);
+            assert_eq!(counts.iter().sum::<usize>(), threads.max(2));
         }
     }
 

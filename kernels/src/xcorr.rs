@@ -52,13 +52,9 @@ impl Kernel for Correlate<'_> {
         let width = self.size.w - self.template_size.w + 1;
         for y in 0..self.out.len() / (width * self.channels) {
             for channel in (0..self.channels).step_by(S::LANES) {
-                let mut x = 0;
-                while x < width {
-                    x += match width - x {
-                        8.. => self.tile::<S, 8>(simd, y, x, channel),
-                        4.. => self.tile::<S, 4>(simd, y, x, channel),
-                        _ => self.tile::<S, 1>(simd, y, x, channel),
-                    };
+                match channel + S::LANES <= self.channels {
+                    true => self.row::<S, true>(simd, y, width, channel),
+                    false => self.row::<S, false>(simd, y, width, channel),
                 }
             }
         }
@@ -66,21 +62,40 @@ impl Kernel for Correlate<'_> {
 }
 
 impl Correlate<'_> {
+    /// One vector of channels, `WHOLE` or with fewer lanes, of row `y` of `out`.
+    #[inline(always)]
+    fn row<S: Simd, const WHOLE: bool>(&mut self, simd: S, y: usize, width: usize, channel: usize) {
+        let mut x = 0;
+        while x < width {
+            x += match width - x {
+                8.. => self.tile::<S, 8, WHOLE>(simd, y, x, channel),
+                4.. => self.tile::<S, 4, WHOLE>(simd, y, x, channel),
+                _ => self.tile::<S, 1, WHOLE>(simd, y, x, channel),
+            };
+        }
+    }
+
     /// One vector of channels at neighbouring pixels of row `y` of `out`, from `x` on: a template value is loaded once for
     /// all of them. Returns how many they are.
     #[inline(always)]
-    fn tile<S: Simd, const PIXELS: usize>(&mut self, simd: S, y: usize, x: usize, channel: usize) -> usize {
+    fn tile<S: Simd, const PIXELS: usize, const WHOLE: bool>(
+        &mut self,
+        simd: S,
+        y: usize,
+        x: usize,
+        channel: usize,
+    ) -> usize {
         let Correlate { search, size, template, template_size, channels, .. } = *self;
-        let lanes = S::LANES.min(channels - channel);
-        let load = |from: &[f32]| if lanes == S::LANES { simd.load(from) } else { simd.load_partial(from) };
+        let lanes = if WHOLE { S::LANES } else { channels - channel };
+        let load = |from: &[f32]| if WHOLE { simd.load(from) } else { simd.load_partial(&from[..lanes]) };
         let mut sums = [simd.zero(); PIXELS];
         for u in 0..template_size.h {
             let row = &search[((self.first_row + y + u) * size.w + x) * channels + channel..];
             let from = &template[u * template_size.w * channels + channel..];
             for t in 0..template_size.w {
-                let z = load(&from[t * channels..][..lanes]);
+                let z = load(&from[t * channels..]);
                 for (i, sum) in sums.iter_mut().enumerate() {
-                    *sum = simd.mul_add(load(&row[(t + i) * channels..][..lanes]), z, *sum);
+                    *sum = simd.mul_add(load(&row[(t + i) * channels..]), z, *sum);
                 }
             }
         }
@@ -88,7 +103,7 @@ impl Correlate<'_> {
         let out = &mut self.out[(y * width + x) * channels + channel..];
         for (i, sum) in sums.into_iter().enumerate() {
             let out = &mut out[i * channels..][..lanes];
-            if lanes == S::LANES { simd.store(sum, out) } else { simd.store_partial(sum, out) }
+            if WHOLE { simd.store(sum, out) } else { simd.store_partial(sum, out) }
         }
         PIXELS
     }

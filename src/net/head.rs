@@ -30,17 +30,25 @@ pub(crate) struct HeadMaps {
 impl Head {
     pub(crate) fn run(
         &self,
-        context: &mut Context,
+        contexts: [&mut Context; 2],
         threads: &Threads,
         response: &NeckMaps,
         maps: &mut HeadMaps,
         outputs: &mut Outputs,
     ) {
-        tower(&self.cls, context, threads, &response.cls, &mut maps.cls);
-        tower(&self.reg, context, threads, &response.reg, &mut maps.reg);
-        context.conv(threads, &self.score, &maps.cls[2], &mut maps.score);
-        context.conv(threads, &self.centerness, &maps.cls[2], &mut maps.centerness);
-        context.conv(threads, &self.offsets, &maps.reg[2], &mut maps.offsets);
+        let HeadMaps { cls, reg, score, centerness, offsets } = maps;
+        threads.both(
+            contexts,
+            |threads, context| {
+                tower(&self.cls, context, threads, &response.cls, cls);
+                context.conv(threads, &self.score, &cls[2], score);
+                context.conv(threads, &self.centerness, &cls[2], centerness);
+            },
+            |threads, context| {
+                tower(&self.reg, context, threads, &response.reg, reg);
+                context.conv(threads, &self.offsets, &reg[2], offsets);
+            },
+        );
 
         outputs.ltrb.resize(maps.offsets.values().len(), 0.0);
         outputs.score.resize(maps.score.values().len(), 0.0);

@@ -106,7 +106,7 @@ impl Network {
         threads.enter(|| {
             let layers = model.layers();
             scratch.set_crop(crop, model.architecture().template_size, &layers.backbone.conv1);
-            let Scratch { context, backbone, encoded, encoded_neck, neck, .. } = scratch;
+            let Scratch { contexts: [context, _], backbone, encoded, encoded_neck, neck, .. } = scratch;
             layers.backbone.run(context, threads, backbone);
             let features = layers.encoder.template(context, threads, &backbone.conv5, encoded);
             template.identity = features.clone();
@@ -132,7 +132,8 @@ impl Network {
             let mut lap = Lap::start();
             let layers = model.layers();
             scratch.set_crop(crop, side, &layers.backbone.conv1);
-            let Scratch { context, backbone, encoded, encoded_neck, neck, response, head } = scratch;
+            let Scratch { contexts, backbone, encoded, encoded_neck, neck, response, head } = scratch;
+            let [context, other] = contexts;
 
             layers.backbone.run(context, threads, backbone);
             stages.backbone = lap.lap();
@@ -140,7 +141,7 @@ impl Network {
             let features = layers.encoder.search(context, threads, &backbone.conv5, encoded);
             stages.dr = lap.lap();
 
-            layers.neck.search(context, threads, features, neck);
+            layers.neck.search([context, other], threads, features, neck);
             stages.neck = lap.lap();
 
             let [cls, reg] = encoded_neck;
@@ -148,11 +149,14 @@ impl Network {
             let reg = layers.encoder_after_neck.search(context, threads, &neck.reg, reg);
             stages.dr += lap.lap();
 
-            context.xcorr(threads, cls, &template.cls, &mut response.cls);
-            context.xcorr(threads, reg, &template.reg, &mut response.reg);
+            threads.both(
+                [context, other],
+                |threads, context| context.xcorr(threads, cls, &template.cls, &mut response.cls),
+                |threads, context| context.xcorr(threads, reg, &template.reg, &mut response.reg),
+            );
             stages.xcorr = lap.lap();
 
-            layers.head.run(context, threads, response, head, outputs);
+            layers.head.run([context, other], threads, response, head, outputs);
             stages.head = lap.lap();
         });
         &mut self.outputs

@@ -33,12 +33,15 @@ impl Neck {
 
     pub(crate) fn search(
         &self,
-        context: &mut Context,
+        contexts: [&mut Context; 2],
         threads: &Threads,
         features: &Map,
-        maps: &mut NeckMaps,
+        NeckMaps { cls, reg }: &mut NeckMaps,
     ) {
-        context.conv(threads, &self.search_cls, features, &mut maps.cls);
-        context.conv(threads, &self.search_reg, features, &mut maps.reg);
+        threads.both(
+            contexts,
+            |threads, context| context.conv(threads, &self.search_cls, features, cls),
+            |threads, context| context.conv(threads, &self.search_reg, features, reg),
+        );
     }
 }

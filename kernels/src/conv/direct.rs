@@ -125,9 +125,46 @@ pub(super) struct Tile<'a> {
 }
 
 impl Tile<'_> {
+    /// Writes the products with bias and floor.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     pub(super) fn run<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
+        let sums = self.sums::<S, PIXELS, VECTORS>(simd);
+        let floor = simd.splat(if self.relu { 0.0 } else { f32::NEG_INFINITY });
+        for i in 0..PIXELS {
+            let out = &mut self.out[i * self.out_step..][..self.bias.len()];
+            for v in 0..VECTORS {
+                let (first, whole) = (v * S::LANES, (v + 1) * S::LANES <= out.len());
+                if whole {
+                    let sum = simd.add(sums[i][v], simd.load(&self.bias[first..]));
+                    simd.store(simd.max(sum, floor), &mut out[first..]);
+                } else if first < out.len() {
+                    let sum = simd.add(sums[i][v], simd.load_partial(&self.bias[first..]));
+                    simd.store_partial(simd.max(sum, floor), &mut out[first..]);
+                }
+            }
+        }
+    }
+
+    /// Writes the products as they are, whole vectors of them.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
+    pub(super) fn products<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
+        let sums = self.sums::<S, PIXELS, VECTORS>(simd);
+        for i in 0..PIXELS {
+            let out = &mut self.out[i * self.out_step..][..VECTORS * S::LANES];
+            for v in 0..VECTORS {
+                simd.store(sums[i][v], &mut out[v * S::LANES..]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
+    fn sums<S: Simd, const PIXELS: usize, const VECTORS: usize>(
+        &self,
+        simd: S,
+    ) -> [[S::F32; VECTORS]; PIXELS] {
         if PIXELS > S::TILE_PIXELS[VECTORS] {
             unreachable!("more than the registers hold");
         }
@@ -152,20 +189,7 @@ impl Tile<'_> {
                 }
             }
         }
-        let floor = simd.splat(if self.relu { 0.0 } else { f32::NEG_INFINITY });
-        for i in 0..PIXELS {
-            let out = &mut self.out[i * self.out_step..][..self.bias.len()];
-            for v in 0..VECTORS {
-                let (first, whole) = (v * S::LANES, (v + 1) * S::LANES <= out.len());
-                if whole {
-                    let sum = simd.add(sums[i][v], simd.load(&self.bias[first..]));
-                    simd.store(simd.max(sum, floor), &mut out[first..]);
-                } else if first < out.len() {
-                    let sum = simd.add(sums[i][v], simd.load_partial(&self.bias[first..]));
-                    simd.store_partial(simd.max(sum, floor), &mut out[first..]);
-                }
-            }
-        }
+        sums
     }
 }
 

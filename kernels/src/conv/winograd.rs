@@ -1,69 +1,164 @@
-//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1.
+//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1 and whatever `fold.rs` makes of others.
 //!
 //! An `m x m` tile of outputs depends on an `a x a` tile of inputs, `a = m + k - 1`. Both and the kernel are polynomials
-//! that are multiplied at `a` points (0, 1, -1, 2, -2, 1/2, -1/2, infinity), where a product costs one multiplication per point:
+//! that are multiplied at `a` points (0, pairs such as 1 and -1, infinity), where a product costs one multiplication per point:
 //!
 //! ```text
 //! V = B^T d B              input tile, per input channel              additions
 //! M = sum over i of U V    a x a matrix products [tiles, Cin] x [Cin, Cout]   all the multiplications
 //! Y = A^T M A              output tile, per output channel            additions
-//! U = G g G^T              kernels, once
+//! U = G g G^T              kernels
 //! ```
 //!
-//! For `k = 3`, `a = 6` needs `36 / 16` multiplications per output instead of 9: 4 times fewer; `a = 8` 5.1 times fewer, at a
-//! larger rounding error and with more waste at the border. For `k = 5`, `a = 8` needs `64 / 16` instead of 25.
-//! Source: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016.
+//! Multiplications per output, by side of the kernel and points:
 //!
-//! A thread takes some rows of tiles, a strip at a time, and does all three steps for it in its own scratch space: small
-//! enough for the cache, large enough that the kernels `U`, which each strip reads anew, are worth the way.
+//! | `k` | direct | 6 points | 8 points | 10 points |
+//! |---|---|---|---|---|
+//! | 3 | 9 | 2.25 | 1.78 | |
+//! | 5 | 25 | 9 | 4 | 2.78 |
+//! | 6 | 36 | | 7.11 | 4 |
+//!
+//! More points round more (about 1e-6 of the outputs' RMS for 8, 1e-5 for 10) and waste more at the border.
+//! Source: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016; the choice of points: Barabasz et al., "Error
+//! analysis and improving the accuracy of Winograd convolution for deep neural networks", 2020.
+//!
+//! A thread takes some rows of tiles, a strip at a time, and does all three steps for it in its own scratch space, a block of output
+//! channels at a time: small enough for the cache.
+//!
+//! `U` is `a * a / (k * k)` times as large as the kernels. For `k = 3` that is up to 7 times, and on the small maps where such
+//! kernels stand reading it from memory would take longer than multiplying with it: there `U` is made anew where it is used, a row of
+//! points at a time.
 
-use super::ConvShape;
-use super::direct::{Tile, blocks, pack};
+use super::direct::{Tile, blocks};
+use super::{ConvShape, fold};
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Size};
 
-/// Kernels in the transformed domain: `[a * a][block][Cin][vectors of the block * LANES]`.
+/// Kernels of one layer.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
-    points: usize, // a
-    data: Vec<f32>,
+    shape: ConvShape, // without stride
+    points: usize,    // a
+    lanes: usize,     // of the widest block
+    kernels: Kernels,
 }
 
-/// Whether `points` fit a kernel: 6 or 8 points, a kernel of 3 or 5, stride 1.
+#[derive(Clone, Debug)]
+enum Kernels {
+    /// `g`: `[block][Cin][vectors of the block][k * k][LANES]`.
+    Taps(Vec<f32>),
+    /// `U`: `[block][a * a][Cin][vectors of the block * LANES]`.
+    Points(Vec<f32>),
+}
+
+/// Whether there is an algorithm of `points` for the kernel without its stride.
 pub(super) fn fits(shape: &ConvShape, points: usize) -> bool {
-    [6, 8].contains(&points) && shape.stride == 1 && [3, 5].contains(&shape.kernel)
+    [(6, 3), (8, 3), (6, 5), (8, 5), (10, 5), (8, 6), (10, 6)]
+        .contains(&(points, fold::unstrided(shape).kernel))
 }
 
-/// The finite points, in pairs of opposite sign behind 0.
-pub const POINTS: [f64; 7] = [0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5];
+/// The finite points but 0, each of which comes with both signs: two for 6 points, three for 8, four for 10. Fractions with a power of
+/// two below the line, so that the matrices that follow from them are exact; the four are those with the smallest error.
+pub const fn pairs(points: usize) -> [f32; MAX_PAIRS] {
+    match points {
+        10 => [0.5, 0.875, 1.25, 2.5],
+        _ => [1.0, 2.0, 0.5, 0.0],
+    }
+}
 
-/// Row `i` of `G`: the kernel's value at point `i`, scaled so that `B` has small numbers.
-pub fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; 5] {
-    let mut row = [0.0; 5];
+/// Longest side of a kernel, and of a tile's outputs.
+pub const MAX_KERNEL: usize = 6;
+
+/// Most pairs of points.
+const MAX_PAIRS: usize = 4;
+
+/// Powers of the pairs' positive points: `[pair][exponent]`.
+const fn powers(points: usize) -> [[f32; MAX_KERNEL]; MAX_PAIRS] {
+    let mut powers = [[1.0; MAX_KERNEL]; MAX_PAIRS];
+    let mut pair = 0;
+    while pair < MAX_PAIRS {
+        let mut exponent = 1;
+        while exponent < MAX_KERNEL {
+            powers[pair][exponent] = powers[pair][exponent - 1] * pairs(points)[pair];
+            exponent += 1;
+        }
+        pair += 1;
+    }
+    powers
+}
+
+/// Coefficients, by rising powers of `z`, of the product of `z - q^2` over all pairs `q`, `-q` but the one of index `skip`.
+const fn product(points: usize, skip: usize) -> [f32; MAX_PAIRS + 1] {
+    let mut coefficients = [0.0; MAX_PAIRS + 1];
+    coefficients[0] = 1.0;
+    let mut pair = 0;
+    while pair < (points - 2) / 2 {
+        if pair != skip {
+            let square = pairs(points)[pair] * pairs(points)[pair];
+            let mut power = MAX_PAIRS;
+            while power > 0 {
+                coefficients[power] = coefficients[power - 1] - square * coefficients[power];
+                power -= 1;
+            }
+            coefficients[0] *= -square;
+        }
+        pair += 1;
+    }
+    coefficients
+}
+
+/// Row `i` of `G`: the kernel's value at point `i`, divided by the product of its distances to the other finite points.
+pub fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; MAX_KERNEL] {
+    let mut row = [0.0; MAX_KERNEL];
     if i == points - 1 {
         row[kernel - 1] = 1.0;
         return row;
     }
-    let scale = if points == 6 {
-        [1.0 / 4.0, -1.0 / 6.0, -1.0 / 6.0, 1.0 / 24.0, 1.0 / 24.0, 0.0, 0.0][i]
-    } else {
-        [1.0, -2.0 / 9.0, -2.0 / 9.0, 1.0 / 90.0, 1.0 / 90.0, 32.0 / 45.0, 32.0 / 45.0][i]
+    let value = |coefficients: [f32; MAX_PAIRS + 1], z: f64| {
+        coefficients.iter().rev().fold(0.0, |sum, c| sum * z + f64::from(*c))
+    };
+    let (point, distances) = match i {
+        0 => (0.0, value(product(points, MAX_PAIRS), 0.0)),
+        _ => {
+            let p = f64::from(pairs(points)[(i - 1) / 2]);
+            (if i % 2 == 1 { p } else { -p }, 2.0 * p * p * value(product(points, (i - 1) / 2), p * p))
+        }
     };
     for (j, value) in row[..kernel].iter_mut().enumerate() {
-        *value = (scale * POINTS[i].powi(j as i32)) as f32;
+        *value = (point.powi(j as i32) / distances) as f32;
     }
     row
+}
+
+/// `G` for `A` points.
+#[inline(always)]
+fn kernel_matrix<const A: usize>(kernel: usize) -> [[f32; MAX_KERNEL]; A] {
+    std::array::from_fn(|i| kernel_row(A, kernel, i))
 }
 
 impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Weights {
-        let mut packed = Vec::new();
-        pack(isa, shape.out_channels, shape.window(), weights, &mut packed);
-        let size = points * points * packed.len() / (shape.kernel * shape.kernel);
-        let mut data = vec![0.0; size];
-        isa.run(TransformKernels { shape, points, packed: &packed, out: &mut data });
-        Weights { points, data }
+        let inner = fold::unstrided(shape);
+        let taps = if shape.stride > 1 {
+            pack(isa, &inner, &fold::weights(shape, weights))
+        } else {
+            pack(isa, &inner, weights)
+        };
+        let kernels = if inner.kernel == 3 {
+            Kernels::Taps(taps)
+        } else {
+            let mut whole = vec![0.0; taps.len() / (inner.kernel * inner.kernel) * points * points];
+            isa.run(TransformKernels { shape: &inner, points, taps: &taps, out: &mut whole });
+            Kernels::Points(whole)
+        };
+        let widest = blocks(inner.out_channels.div_ceil(isa.lanes())).max().unwrap_or(0);
+        Weights { shape: inner, points, lanes: widest * isa.lanes(), kernels }
+    }
+
+    /// The convolution without its stride.
+    pub(super) fn shape(&self) -> &ConvShape {
+        &self.shape
     }
 
     pub(super) fn points(&self) -> usize {
@@ -71,12 +166,33 @@ impl Weights {
     }
 }
 
-/// `U = G g G^T`, vectors of output channels at a time: training does this at every step.
+/// `[Cout, k, k, Cin]` as [`Kernels::Taps`], zeros behind the last channel.
+fn pack(isa: Isa, shape: &ConvShape, weights: &[f32]) -> Vec<f32> {
+    let (lanes, taps, cin) = (isa.lanes(), shape.kernel * shape.kernel, shape.in_channels);
+    let vectors = shape.out_channels.div_ceil(lanes);
+    let mut packed = Vec::with_capacity(vectors * lanes * shape.window());
+    let mut first = 0;
+    for width in blocks(vectors) {
+        for i in 0..cin {
+            for vector in first..first + width {
+                for tap in 0..taps {
+                    let channels = vector * lanes..(vector + 1) * lanes;
+                    let weight = |o: usize| weights.get((o * taps + tap) * cin + i).copied();
+                    packed.extend(channels.map(|o| weight(o).unwrap_or(0.0)));
+                }
+            }
+        }
+        first += width;
+    }
+    packed
+}
+
+/// `U = G g G^T` of all kernels.
 struct TransformKernels<'a> {
     shape: &'a ConvShape,
     points: usize,
-    packed: &'a [f32],  // [block][k * k * Cin][vectors of the block * LANES]
-    out: &'a mut [f32], // as in `Weights`
+    taps: &'a [f32],    // as in `Kernels::Taps`
+    out: &'a mut [f32], // as in `Kernels::Points`
 }
 
 impl Kernel for TransformKernels<'_> {
@@ -85,10 +201,11 @@ impl Kernel for TransformKernels<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         match (self.points, self.shape.kernel) {
-            (6, 3) => self.run_sized::<S, 6, 3>(simd),
-            (8, 3) => self.run_sized::<S, 8, 3>(simd),
             (6, 5) => self.run_sized::<S, 6, 5>(simd),
             (8, 5) => self.run_sized::<S, 8, 5>(simd),
+            (10, 5) => self.run_sized::<S, 10, 5>(simd),
+            (8, 6) => self.run_sized::<S, 8, 6>(simd),
+            (10, 6) => self.run_sized::<S, 10, 6>(simd),
             (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
         }
     }
@@ -96,68 +213,93 @@ impl Kernel for TransformKernels<'_> {
 
 impl TransformKernels<'_> {
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // two matrices and their product
     fn run_sized<S: Simd, const A: usize, const K: usize>(self, simd: S) {
-        let cin = self.shape.in_channels;
-        let mut g = [[0.0; 5]; A];
-        for (i, row) in g.iter_mut().enumerate() {
-            *row = kernel_row(A, K, i);
-        }
-        let point_step = self.packed.len() / (K * K);
-        let (mut from, mut first) = (self.packed, 0);
+        let (mut from, mut to) = (self.taps, self.out);
+        let g = kernel_matrix(K);
         for vectors in blocks(self.shape.out_channels.div_ceil(S::LANES)) {
-            let width = vectors * S::LANES;
-            let block;
-            (block, from) = from.split_at(K * K * cin * width);
-            for at in (0..cin * width).step_by(S::LANES) {
-                let mut half = [[simd.zero(); K]; A]; // G g
-                for x in 0..K {
-                    for y in 0..K {
-                        let tap = simd.load(&block[(y * K + x) * cin * width + at..]);
-                        for i in 0..A {
-                            half[i][x] = simd.mul_add(simd.splat(g[i][y]), tap, half[i][x]);
-                        }
-                    }
-                }
-                for i in 0..A {
-                    for j in 0..A {
-                        let mut value = simd.zero();
-                        for x in 0..K {
-                            value = simd.mul_add(simd.splat(g[j][x]), half[i][x], value);
-                        }
-                        simd.store(value, &mut self.out[(i * A + j) * point_step + first + at..]);
-                    }
-                }
+            let step = self.shape.in_channels * vectors * S::LANES;
+            let (taps, points);
+            (taps, from) = from.split_at(K * K * step);
+            (points, to) = to.split_at_mut(A * A * step);
+            for (i, row) in points.chunks_exact_mut(A * step).enumerate() {
+                row_of_kernels::<S, A, K>(simd, &g, i, taps, row, step);
             }
-            first += cin * width;
         }
     }
 }
 
-/// Tiles that one strip takes, if a row of tiles is not longer.
-const STRIP_TILES: usize = 64;
+/// Row `i` of the points of `U` for one block: from `[Cin * vectors][k * k][LANES]` taps to `A` matrices `[Cin, vectors * LANES]`,
+/// which begin `u_step` apart.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)] // constant indices keep the taps in registers
+fn row_of_kernels<S: Simd, const A: usize, const K: usize>(
+    simd: S,
+    g: &[[f32; MAX_KERNEL]; A],
+    i: usize,
+    taps: &[f32],
+    u: &mut [f32],
+    u_step: usize,
+) {
+    let row = &g[i];
+    for (n, taps) in taps.chunks_exact(K * K * S::LANES).enumerate() {
+        let mut line = [simd.zero(); K]; // of G g
+        for x in 0..K {
+            for y in 0..K {
+                let tap = simd.load(&taps[(y * K + x) * S::LANES..]);
+                line[x] = simd.mul_add(simd.splat(row[y]), tap, line[x]);
+            }
+        }
+        let mut points = [simd.zero(); A];
+        points[0] = simd.mul_add(simd.splat(g[0][0]), line[0], simd.zero());
+        for j in (1..A - 1).step_by(2) {
+            let (mut even, mut odd) = (simd.zero(), simd.zero()); // powers of the point, which comes with both signs
+            for x in 0..K {
+                let sum = if x % 2 == 0 { &mut even } else { &mut odd };
+                *sum = simd.mul_add(simd.splat(g[j][x]), line[x], *sum);
+            }
+            (points[j], points[j + 1]) = (simd.add(even, odd), simd.sub(even, odd));
+        }
+        points[A - 1] = line[K - 1];
+        for j in 0..A {
+            simd.store(points[j], &mut u[j * u_step + n * S::LANES..]);
+        }
+    }
+}
 
-/// How a map is cut into tiles.
+/// Tiles that one strip takes, if a row of tiles is not longer: where `U` is made anew for every strip, and where it is read.
+const STRIP_TILES: [usize; 2] = [64, 24];
+
+/// How a map is cut into tiles, and the scratch space for a strip of them.
 struct Plan {
     points: usize, // a
     across: usize, // tiles in a row
     strip: usize,  // rows of tiles in a strip
     v_step: usize, // from one point's V to the next one's
     m_step: usize, // from one point's M to the next one's
+    u_step: usize, // from one point's U to the next one's, within a row
 }
 
 impl Plan {
-    fn new(shape: &ConvShape, points: usize, out: Size) -> Plan {
+    fn new(weights: &Weights, out: Size) -> Plan {
+        let Weights { shape, points, lanes, kernels } = weights;
         let m = points + 1 - shape.kernel;
         let across = out.w.div_ceil(m);
-        let strip = (STRIP_TILES / across).clamp(1, out.h.div_ceil(m));
+        let anew = matches!(kernels, Kernels::Taps(_));
+        let strip = (STRIP_TILES[usize::from(!anew)] / across).clamp(1, out.h.div_ceil(m));
         // One cache line more than a full strip, lest the points' lines fall on each other in the cache.
         let step = |channels: usize| (strip * across * channels).next_multiple_of(16) + 16;
-        Plan { points, across, strip, v_step: step(shape.in_channels), m_step: step(shape.out_channels) }
+        Plan {
+            points: *points,
+            across,
+            strip,
+            v_step: step(shape.in_channels),
+            m_step: step(*lanes),
+            u_step: if anew { shape.in_channels * lanes + 16 } else { 0 },
+        }
     }
 
     fn scratch_len(&self) -> usize {
-        self.points * self.points * (self.v_step + self.m_step)
+        self.points * (self.points * (self.v_step + self.m_step) + self.u_step)
     }
 }
 
@@ -167,13 +309,12 @@ pub(super) fn rows_per_tile(shape: &ConvShape, points: usize) -> usize {
 }
 
 /// Scratch values per thread.
-pub(super) fn scratch_len(shape: &ConvShape, points: usize, size: Size) -> usize {
-    Plan::new(shape, points, shape.out_size(size)).scratch_len()
+pub(super) fn scratch_len(weights: &Weights, out: Size) -> usize {
+    Plan::new(weights, out).scratch_len()
 }
 
 /// Some rows of one convolution without padding.
 pub(super) struct Winograd<'a> {
-    pub shape: &'a ConvShape,
     pub weights: &'a Weights,
     pub bias: &'a [f32],  // [Cout]
     pub input: &'a [f32], // [size.h, size.w, Cin], padding included
@@ -188,11 +329,14 @@ impl Kernel for Winograd<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        match (self.weights.points, self.shape.kernel) {
-            (6, 3) => self.run_sized::<S, 6, 4>(simd),
-            (8, 3) => self.run_sized::<S, 8, 6>(simd),
-            (6, 5) => self.run_sized::<S, 6, 2>(simd),
-            (8, 5) => self.run_sized::<S, 8, 4>(simd),
+        match (self.weights.points, self.weights.shape.kernel) {
+            (6, 3) => self.run_sized::<S, 6, 3, 4>(simd),
+            (8, 3) => self.run_sized::<S, 8, 3, 6>(simd),
+            (6, 5) => self.run_sized::<S, 6, 5, 2>(simd),
+            (8, 5) => self.run_sized::<S, 8, 5, 4>(simd),
+            (10, 5) => self.run_sized::<S, 10, 5, 6>(simd),
+            (8, 6) => self.run_sized::<S, 8, 6, 3>(simd),
+            (10, 6) => self.run_sized::<S, 10, 6, 5>(simd),
             (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
         }
     }
@@ -200,27 +344,53 @@ impl Kernel for Winograd<'_> {
 
 impl Winograd<'_> {
     #[inline(always)]
-    fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let Winograd { shape, weights, bias, input, size, first_row, out, scratch } = self;
-        let width = size.w + 1 - shape.kernel;
+    fn run_sized<S: Simd, const A: usize, const K: usize, const M: usize>(self, simd: S) {
+        let Winograd { weights, bias, input, size, first_row, out, scratch } = self;
+        let shape = &weights.shape;
+        let width = size.w + 1 - K;
         let (cin, cout) = (shape.in_channels, shape.out_channels);
-        let plan = Plan::new(shape, A, Size { h: size.h + 1 - shape.kernel, w: width });
-        let (v, products) = scratch.split_at_mut(A * A * plan.v_step);
-        let products = &mut products[..A * A * plan.m_step];
+        let plan = Plan::new(weights, Size { h: size.h + 1 - K, w: width });
+        let (v, scratch) = scratch.split_at_mut(A * A * plan.v_step);
+        let (m, u) = scratch.split_at_mut(A * A * plan.m_step);
         let floor = if shape.relu { 0.0 } else { f32::NEG_INFINITY };
+        let g = kernel_matrix(K);
+        let (mut half_in, mut half_out) = ([[simd.zero(); A]; A], [[simd.zero(); M]; A]);
         for (i, out) in out.chunks_mut(plan.strip * M * width * cout).enumerate() {
             let top = first_row + i * plan.strip * M;
-            let rows = (out.len() / (width * cout)).div_ceil(M);
-            let tiles = rows * plan.across;
+            let tiles = (out.len() / (width * cout)).div_ceil(M) * plan.across;
             for tile in 0..tiles {
                 let (y, x) = (top + tile / plan.across * M, tile % plan.across * M);
-                input_tile::<S, A>(simd, input, size, cin, (y, x), &mut v[tile * cin..], plan.v_step);
+                let v = &mut v[tile * cin..];
+                input_tile::<S, A>(simd, input, size, cin, (y, x), v, plan.v_step, &mut half_in);
             }
-            multiply(simd, A * A, tiles, cin, cout, v, plan.v_step, &weights.data, products, plan.m_step);
-            for tile in 0..tiles {
-                let (y, x) = (tile / plan.across * M, tile % plan.across * M);
-                let from = &products[tile * cout..];
-                output_tile::<S, A, M>(simd, from, plan.m_step, bias, floor, out, width, (y, x));
+            let mut first = 0; // channel of the block
+            for vectors in blocks(cout.div_ceil(S::LANES)) {
+                let lanes = vectors * S::LANES;
+                for i in 0..A {
+                    let (row, step) = match &weights.kernels {
+                        Kernels::Taps(taps) => {
+                            let taps = &taps[first * K * K * cin..][..K * K * cin * lanes];
+                            row_of_kernels::<S, A, K>(simd, &g, i, taps, u, plan.u_step);
+                            (&*u, plan.u_step)
+                        }
+                        Kernels::Points(points) => {
+                            (&points[(first * A * A + i * A * lanes) * cin..], cin * lanes)
+                        }
+                    };
+                    for j in 0..A {
+                        let (p, u) = (i * A + j, &row[j * step..][..cin * lanes]);
+                        multiply(simd, tiles, vectors, &v[p * plan.v_step..], u, &mut m[p * plan.m_step..]);
+                    }
+                }
+                let used = (cout - first).min(lanes);
+                let bias = &bias[first..first + used];
+                for tile in 0..tiles {
+                    let (y, x) = (tile / plan.across * M, tile % plan.across * M);
+                    let map = OutputMap { values: &mut *out, width, channels: cout, first };
+                    let m = &m[tile * lanes..];
+                    output_tile::<S, A, M>(simd, m, plan.m_step, bias, floor, map, (y, x), &mut half_out);
+                }
+                first += used;
             }
         }
     }
@@ -228,8 +398,10 @@ impl Winograd<'_> {
 
 /// `V = B^T d B` of the input tile whose corner is `(y, x)`; inputs beyond the map count as 0.
 ///
-/// `v` starts with this tile's channels of point 0; the next point's are `v_step` further on.
+/// `v` starts with this tile's channels of point 0; the next point's are `v_step` further on. `half` is space for `B^T d`, transposed
+/// (`[column][row]`): as large as the registers together, it would cost as much to clear for each tile as to fill.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)] // two strided maps
 pub fn input_tile<S: Simd, const A: usize>(
     simd: S,
     input: &[f32],
@@ -238,11 +410,12 @@ pub fn input_tile<S: Simd, const A: usize>(
     (y, x): (usize, usize),
     v: &mut [f32], // this tile's channels of point 0
     v_step: usize,
+    half: &mut [[S::F32; A]; A],
 ) {
     let (rows, columns) = (A.min(size.h - y), A.min(size.w - x));
     for c in (0..channels).step_by(S::LANES) {
         let n = S::LANES.min(channels - c);
-        let mut half = [[simd.zero(); A]; A]; // B^T d, transposed: [column][row]
+        half[columns..].fill([simd.zero(); A]);
         for j in 0..columns {
             let mut d = [simd.zero(); A];
             for i in 0..rows {
@@ -265,115 +438,100 @@ pub fn input_tile<S: Simd, const A: usize>(
     }
 }
 
-/// `B^T d` for one line of inputs.
+/// `B^T d` for one line of inputs: the coefficients of the product of all `x - q`, `q` the other finite points.
 #[inline(always)]
 fn input_points<S: Simd, const A: usize>(simd: S, d: &[S::F32; A]) -> [S::F32; A] {
-    let (add, sub) = (|a, b| simd.add(a, b), |a, b| simd.sub(a, b));
-    let scale_add = |k: f32, a, b| simd.mul_add(simd.splat(k), a, b); // k a + b
+    let count = const { (A - 2) / 2 };
+    let all = const { product(A, MAX_PAIRS) };
+    let others = const { [product(A, 0), product(A, 1), product(A, 2), product(A, 3)] };
     let mut t = [simd.zero(); A];
-    if A == 6 {
-        t[0] = scale_add(4.0, d[0], scale_add(-5.0, d[2], d[4]));
-        let (even, odd) = (scale_add(-4.0, d[2], d[4]), scale_add(-4.0, d[1], d[3]));
-        (t[1], t[2]) = (add(even, odd), sub(even, odd));
-        let (even, odd) = (sub(d[4], d[2]), sub(d[3], d[1]));
-        (t[3], t[4]) = (scale_add(2.0, odd, even), scale_add(-2.0, odd, even));
-        t[5] = scale_add(4.0, d[1], scale_add(-5.0, d[3], d[5]));
-    } else {
-        t[0] = scale_add(5.25, sub(d[4], d[2]), sub(d[0], d[6]));
-        let even = scale_add(-4.25, d[4], add(d[2], d[6]));
-        let odd = scale_add(-4.25, d[3], add(d[1], d[5]));
-        (t[1], t[2]) = (add(even, odd), sub(even, odd));
-        let even = scale_add(0.25, d[2], scale_add(-1.25, d[4], d[6]));
-        let odd = scale_add(0.5, d[1], scale_add(-2.5, d[3], add(d[5], d[5])));
-        (t[3], t[4]) = (add(even, odd), sub(even, odd));
-        let even = scale_add(4.0, d[2], scale_add(-5.0, d[4], d[6]));
-        let odd = scale_add(2.0, d[1], scale_add(-2.5, d[3], scale_add(0.5, d[5], simd.zero())));
-        (t[5], t[6]) = (add(even, odd), sub(even, odd));
-        t[7] = scale_add(5.25, sub(d[3], d[5]), sub(d[7], d[1]));
+    t[0] = every_other::<S, A>(simd, &all, count + 1, d, 0);
+    t[A - 1] = every_other::<S, A>(simd, &all, count + 1, d, 1);
+    for p in 0..count {
+        let point = const { pairs(A) }[p];
+        let even = every_other::<S, A>(simd, &others[p], count, d, 2);
+        let odd = every_other::<S, A>(simd, &others[p], count, d, 1);
+        t[1 + 2 * p] = simd.mul_add(simd.splat(point), odd, even);
+        t[2 + 2 * p] = simd.mul_add(simd.splat(-point), odd, even);
     }
     t
 }
 
-/// `M[p] = V[p] U[p]` for every point `p`: `[tiles, Cin] x [Cin, Cout]`, in the direct path's register tiles.
+/// Every other value of `d` from `first` on times its coefficient, of which the last is 1.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // three strided matrices
-fn multiply<S: Simd>(
+fn every_other<S: Simd, const A: usize>(
     simd: S,
-    points: usize,
-    tiles: usize,
-    cin: usize,
-    cout: usize,
-    v: &[f32],
-    v_step: usize,
-    u: &[f32],
-    products: &mut [f32],
-    m_step: usize,
-) {
-    let vectors = cout.div_ceil(S::LANES);
-    let u_step = vectors * S::LANES * cin;
-    for p in 0..points {
-        let (v, products) = (&v[p * v_step..], &mut products[p * m_step..][..tiles * cout]);
-        let mut packed = &u[p * u_step..][..u_step];
-        let mut first = 0;
-        for vectors in blocks(vectors) {
-            let block;
-            (block, packed) = packed.split_at(cin * vectors * S::LANES);
-            let used = (cout - first).min(vectors * S::LANES);
-            let groups = tiles.div_ceil(S::TILE_PIXELS[vectors]);
-            let mut tile = 0;
-            for i in 0..groups {
-                let pixels = tiles / groups + usize::from(i < tiles % groups);
-                let args = Tile {
-                    input: &v[tile * cin..],
-                    pixel_step: cin,
-                    row_step: 0,
-                    row_len: cin,
-                    rows: 1,
-                    weights: block,
-                    bias: &ZEROS[..used],
-                    relu: false,
-                    out: &mut products[tile * cout + first..],
-                    out_step: cout,
-                };
-                super::for_tile!(pixels, vectors, args.run, S, simd);
-                tile += pixels;
-            }
-            first += used;
-        }
+    coefficients: &[f32; MAX_PAIRS + 1],
+    terms: usize,
+    d: &[S::F32; A],
+    first: usize,
+) -> S::F32 {
+    let mut sum = d[first + 2 * terms - 2];
+    for k in 0..terms - 1 {
+        sum = simd.mul_add(simd.splat(coefficients[k]), d[first + 2 * k], sum);
+    }
+    sum
+}
+
+/// `M = V U` of one point and one block: `[tiles, Cin] x [Cin, lanes]`, in the direct path's register tiles.
+#[inline(always)]
+fn multiply<S: Simd>(simd: S, tiles: usize, vectors: usize, v: &[f32], u: &[f32], m: &mut [f32]) {
+    let lanes = vectors * S::LANES;
+    let cin = u.len() / lanes;
+    let groups = tiles.div_ceil(S::TILE_PIXELS[vectors]);
+    let mut tile = 0;
+    for i in 0..groups {
+        let pixels = tiles / groups + usize::from(i < tiles % groups);
+        let args = Tile {
+            input: &v[tile * cin..],
+            pixel_step: cin,
+            row_step: 0,
+            row_len: cin,
+            rows: 1,
+            weights: u,
+            bias: &[],
+            relu: false,
+            out: &mut m[tile * lanes..],
+            out_step: lanes,
+        };
+        super::for_tile!(pixels, vectors, args.products, S, simd);
+        tile += pixels;
     }
 }
 
-/// A bias of nothing, for as many channels as a block can have.
-static ZEROS: [f32; 48] = [0.0; 48];
+/// Where the outputs of a block go.
+struct OutputMap<'a> {
+    values: &'a mut [f32], // [rows, width, channels]
+    width: usize,
+    channels: usize,
+    first: usize, // channel of the block
+}
 
-/// `Y = A^T M A`, bias and floor: the outputs of one tile, as far as they lie within `out`.
+/// `Y = A^T M A`, bias and floor: the outputs of one tile and one block, as far as they lie within `out`.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // two strided maps
+#[allow(clippy::too_many_arguments, clippy::needless_range_loop)] // two strided maps; constant indices
 fn output_tile<S: Simd, const A: usize, const M: usize>(
     simd: S,
     products: &[f32], // this tile's channels of point 0
     m_step: usize,
-    bias: &[f32],
+    bias: &[f32], // of the block's channels
     floor: f32,
-    out: &mut [f32],
-    width: usize,
+    out: OutputMap<'_>,
     (y, x): (usize, usize),
+    half: &mut [[S::F32; M]; A], // A^T M, transposed: [column][row]
 ) {
-    let channels = bias.len();
-    let height = out.len() / (width * channels);
-    let (rows, columns) = (M.min(height - y), M.min(width - x));
-    for c in (0..channels).step_by(S::LANES) {
-        let n = S::LANES.min(channels - c);
-        let load = |from: &[f32]| if n == S::LANES { simd.load(from) } else { simd.load_partial(&from[..n]) };
-        let mut half = [[simd.zero(); M]; A]; // A^T M, transposed: [column][row]
+    let height = out.values.len() / (out.width * out.channels);
+    let (rows, columns) = (M.min(height - y), M.min(out.width - x));
+    for c in (0..bias.len()).step_by(S::LANES) {
+        let n = S::LANES.min(bias.len() - c);
         for j in 0..A {
             let mut m = [simd.zero(); A];
             for i in 0..A {
-                m[i] = load(&products[(i * A + j) * m_step + c..]);
+                m[i] = simd.load(&products[(i * A + j) * m_step + c..]);
             }
             half[j] = output_values::<S, A, M>(simd, &m);
         }
-        let (bias, floor) = (load(&bias[c..]), simd.splat(floor));
+        let (bias, floor) = (simd.load_partial(&bias[c..]), simd.splat(floor));
         for i in 0..rows {
             let mut m = [simd.zero(); A];
             for j in 0..A {
@@ -382,7 +540,8 @@ fn output_tile<S: Simd, const A: usize, const M: usize>(
             let line = output_values::<S, A, M>(simd, &m);
             for j in 0..columns {
                 let value = simd.max(simd.add(line[j], bias), floor);
-                let to = &mut out[((y + i) * width + x + j) * channels + c..][..n];
+                let at = ((y + i) * out.width + x + j) * out.channels + out.first + c;
+                let to = &mut out.values[at..at + n];
                 if n == S::LANES { simd.store(value, to) } else { simd.store_partial(value, to) }
             }
         }
@@ -392,22 +551,22 @@ fn output_tile<S: Simd, const A: usize, const M: usize>(
 /// `A^T m` for one line of products: `y[j] = sum over points of point^j m`.
 #[inline(always)]
 fn output_values<S: Simd, const A: usize, const M: usize>(simd: S, m: &[S::F32; A]) -> [S::F32; M] {
+    let (count, powers) = const { ((A - 2) / 2, powers(A)) };
     let mut y = [simd.zero(); M];
-    let mut even = [simd.zero(); 3];
-    let mut odd = [simd.zero(); 3];
-    for p in 0..(A - 2) / 2 {
+    let mut even = [simd.zero(); MAX_PAIRS];
+    let mut odd = [simd.zero(); MAX_PAIRS];
+    for p in 0..count {
         even[p] = simd.add(m[1 + 2 * p], m[2 + 2 * p]);
         odd[p] = simd.sub(m[1 + 2 * p], m[2 + 2 * p]);
     }
     for (j, y) in y.iter_mut().enumerate() {
-        let pairs = if j % 2 == 0 { even } else { odd };
+        let sums = if j % 2 == 0 { even } else { odd };
         let mut value = if j == 0 { m[0] } else { simd.zero() };
         if j == M - 1 {
             value = simd.add(value, m[A - 1]);
         }
-        for p in 0..(A - 2) / 2 {
-            let power = [1.0f32, 2.0, 0.5][p].powi(j as i32);
-            value = simd.mul_add(simd.splat(power), pairs[p], value);
+        for (sum, powers) in sums.iter().zip(&powers).take(count) {
+            value = simd.mul_add(simd.splat(powers[j]), *sum, value);
         }
         *y = value;
     }

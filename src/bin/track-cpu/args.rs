@@ -389,7 +389,7 @@ pub struct BenchArgs {
     /// Measure nothing: say whether two files that --json wrote differ by more than noise.
     #[arg(long, value_names = ["BEFORE", "AFTER"], num_args = 2, conflicts_with_all = ["markdown", "worker"])]
     pub compare: Vec<PathBuf>,
-    /// Algorithm of every convolution that it can compute, in f32: direct, im2col, winograd6 or winograd8 [default: the best
+    /// Algorithm of every convolution that it can compute, in f32: direct, im2col, winograd6, winograd8 or winograd10 [default: the best
     /// for each].
     #[arg(long, value_name = "NAME", value_parser = algorithm)]
     pub algorithm: Option<Algorithm>,

@@ -82,7 +82,7 @@ fn time(isa: Isa, algorithm: Algorithm, shape: ConvShape, size: Size) -> f64 {
 
 /// The table for people.
 pub fn text(model: &Model, rows: &[Row]) -> String {
-    let columns = ["direct", "im2col", "winograd6", "winograd8", "int8"];
+    let columns = ["direct", "im2col", "winograd6", "winograd8", "winograd10", "int8"];
     let mut text =
         format!("one thread, {}, ms per convolution\n\n{:18} {:>8}", model.isa().name(), "layer", "MMAC");
     columns.iter().for_each(|name| text += &format!(" {name:>10}"));

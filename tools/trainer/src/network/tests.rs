@@ -205,9 +205,13 @@ fn the_tracker_runs_what_was_trained() {
             let expected = sigmoid(*score) * sigmoid(*centerness);
             assert!((found - expected).abs() < 2e-4, "{architecture:?}: {found}, expected {expected}");
         }
-        for (offset, found) in value(prediction.offsets).iter().zip(&outputs.ltrb) {
-            let expected = (si * offset + bi).exp() * 8.0;
-            assert!((found / expected - 1.0).abs() < 1e-3, "{architecture:?}: {found}, expected {expected}");
+        // Of a network that was never trained the exponents may be large; rounding is relative to the map's size.
+        let expected: Vec<f32> = value(prediction.offsets).iter().map(|offset| si * offset + bi).collect();
+        let rms = (expected.iter().map(|x| x * x).sum::<f32>() / expected.len() as f32).sqrt();
+        for (expected, found) in expected.iter().zip(&outputs.ltrb) {
+            let found = (found / 8.0).ln();
+            let allowed = 5e-4 * rms.max(1.0);
+            assert!((found - expected).abs() < allowed, "{architecture:?}: {found}, expected {expected}");
         }
     }
 }

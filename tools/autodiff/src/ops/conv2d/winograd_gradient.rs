@@ -17,7 +17,7 @@ use crate::ops::map::Placement;
 use crate::{Compute, Tensor};
 use kernels::Size;
 use kernels::conv::ConvShape;
-use kernels::conv::winograd::{POINTS, input_tile, kernel_row};
+use kernels::conv::winograd::{MAX_KERNEL, input_tile, kernel_row, pairs};
 use kernels::simd::{Kernel, Simd};
 
 /// Tiles of a strip: enough to make up for reading and writing all of `U'` once per strip.
@@ -203,13 +203,15 @@ impl AddImage<'_, '_> {
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
         let AddImage { strip, input, size, gradient, out_size } = self;
         let cin = strip.shape.in_channels;
+        let mut half = [[simd.zero(); A]; A];
         for y in (0..out_size.h).step_by(M) {
             for x in (0..out_size.w).step_by(M) {
                 if strip.filled == STRIP_TILES {
                     strip.multiply(simd);
                 }
                 let (tile, step) = (strip.filled, Strip::input_step(strip.shape));
-                input_tile::<S, A>(simd, input, size, cin, (y, x), &mut strip.inputs[tile * cin..], step);
+                let v = &mut strip.inputs[tile * cin..];
+                input_tile::<S, A>(simd, input, size, cin, (y, x), v, step, &mut half);
                 gradient_tile::<S, A, M>(simd, gradient, out_size, (y, x), strip);
                 strip.filled += 1;
             }
@@ -265,7 +267,7 @@ fn gradient_points<S: Simd, const A: usize, const M: usize>(simd: S, y: &[S::F32
     let mut w = [simd.zero(); A];
     w[0] = y[0];
     for pair in 0..(A - 2) / 2 {
-        let point = POINTS[1 + 2 * pair] as f32;
+        let point = const { pairs(A) }[pair];
         let (mut even, mut odd) = (simd.zero(), simd.zero());
         for (j, y) in y.iter().enumerate() {
             let power = simd.splat(point.powi(j as i32));
@@ -309,7 +311,7 @@ impl Finish<'_> {
     #[allow(clippy::needless_range_loop)] // two matrices and their product
     fn run_sized<S: Simd, const A: usize, const K: usize>(self, simd: S) {
         let (cin, cout) = (self.shape.in_channels, self.shape.out_channels);
-        let mut g = [[0.0; 5]; MAX_POINTS];
+        let mut g = [[0.0; MAX_KERNEL]; MAX_POINTS];
         for (i, row) in g.iter_mut().enumerate().take(A) {
             *row = kernel_row(A, K, i);
         }
