@@ -76,18 +76,39 @@ pub struct LayerPlan {
     pub algorithm: Option<Algorithm>,
 }
 
-static BUILTIN: &[u8] = include_bytes!("builtin/drmim-p50.safetensors");
+/// The models that travel in the program. The first is the standard one.
+static BUILTIN: [(&str, &[u8]); 2] = [
+    ("drmim-p50", include_bytes!("builtin/drmim-p50.safetensors")),
+    ("drmim-p75", include_bytes!("builtin/drmim-p75.safetensors")),
+];
 
 impl Model {
-    /// The model that travels in the program.
+    /// The standard model that travels in the program: DR-MIM at the paper's pruning ratio.
     pub fn builtin(isa: Isa) -> Model {
         Model::from_weights(&Model::builtin_weights(), isa)
             .expect("the built-in weights fit their architecture")
     }
 
-    /// The weights of the model that travels in the program.
+    /// The weights of the [standard model](Self::builtin).
     pub fn builtin_weights() -> Weights {
-        Weights::from_bytes(BUILTIN).expect("the built-in model is a valid weights file")
+        Weights::from_bytes(BUILTIN[0].1).expect("the built-in model is a valid weights file")
+    }
+
+    /// Names of the models that travel in the program, the standard one first.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        BUILTIN.iter().map(|(name, _)| *name)
+    }
+
+    /// The weights that a user asks for: of the built-in model of that name, else of that file; of the standard model if of none.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn find(model: Option<&Path>) -> Result<Weights, ModelError> {
+        let Some(path) = model else { return Ok(Model::builtin_weights()) };
+        Ok(match BUILTIN.iter().find(|(name, _)| path == Path::new(name)) {
+            Some((_, bytes)) => Weights::from_bytes(bytes)?,
+            None => Weights::read(path)?,
+        })
     }
 
     /// Reads a weights file.

@@ -178,7 +178,7 @@ fn options() -> Vec<Case> {
         case("widths of zero", "info --widths 0,1,1,1,1,1", Fails(USAGE, "widths[0] is 0")),
         case("widths too large", "info --widths 9,9,9,9,9,99999", Fails(USAGE, "99999")),
         case("too few widths", "info --widths 1,2,3", Fails(USAGE, "6 numbers or 13")),
-        case("encoder without widths", "info builtin --encoder 3x3", Fails(USAGE, "--encoder")),
+        case("encoder without widths", "info drmim-p50 --encoder 3x3", Fails(USAGE, "--encoder")),
         case("model and widths", "bench --model a --widths half", Fails(USAGE, "--widths")),
         case("unknown precision", "bench --precision int4", Fails(USAGE, "f32")),
         Case {
@@ -417,7 +417,7 @@ fn outputs(init: &str) -> Vec<Case> {
     if Path::new("/dev/full").exists() {
         cases.push(track("boxes onto a full disk", "--out /dev/full", Fails(OUTPUT, "/dev/full")));
         let full = |name, args| Case { full: true, ..case(name, args, Fails(OUTPUT, "standard output")) };
-        cases.push(full("info onto a full disk", "info builtin"));
+        cases.push(full("info onto a full disk", "info drmim-p75"));
         cases
             .push(Case { full: true, ..track("standard output full", "", Fails(OUTPUT, "standard output")) });
     }

@@ -221,7 +221,7 @@ fn info_counts_as_the_papers_do() {
         (&["info", "--widths", "P50"], "2,425,396"),
         (&["info", "--widths", "48,128,192,192,128,128", "--encoder", "3x3"], "2,573,236"),
         (&["info", "--widths", "half", "--encoder", "1x1"], "2,442,164"),
-        (&["info", "builtin"], "head.offsets"),
+        (&["info", "drmim-p50"], "head.offsets"),
     ] {
         let output = run(args, b"");
         assert!(output.status.success(), "{}", stderr(&output));
@@ -251,6 +251,21 @@ fn a_weights_file_of_ones_own() {
     assert_eq!(boxes(&stdout(&output)).len(), 3);
     let about = run(["info", text(&file)], b"");
     assert!(stdout(&about).contains("9,25,38,38,25,25"), "{}", stdout(&about));
+}
+
+#[test]
+fn the_small_model_by_name() {
+    let about = run(["info", "drmim-p75", "--json"], b"");
+    let object: Value = serde_json::from_str(&stdout(&about)).unwrap();
+    assert_eq!(object["name"], "drmim-p75");
+    let standard: Value = serde_json::from_str(&stdout(&run(["info", "--json"], b""))).unwrap();
+    assert_eq!(standard["name"], "drmim-p50");
+    let folder = folder("cli-small");
+    let (frames, init) = flight(4);
+    write_pngs(&folder, &frames);
+    let output = run(["track", "--input", text(&folder), "--init", &init, "--model", "drmim-p75"], b"");
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(boxes(&stdout(&output)).len(), 4);
 }
 
 #[test]

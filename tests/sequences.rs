@@ -4,6 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Tracker, TrackerOptions};
+use weights_format::Weights;
 
 /// Lines of four or more numbers.
 fn read_boxes(path: &Path) -> Vec<BBox> {
@@ -76,23 +77,28 @@ fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> (f32, f32) {
 }
 
 #[test]
-fn accuracy_of_the_built_in_model() {
+fn accuracy_of_the_built_in_models() {
     let Some(root) = common::shared("data/dev_seqs") else { return };
-    let f32 = accuracy(&root, Precision::F32);
-    let int8 = accuracy(&root, Precision::Int8);
-    // Figures of the built-in model on the day that it was built in.
-    for (found, expected) in f32.into_iter().zip([90.8, 71.6, 87.8, 67.1]) {
-        assert!(found >= expected - 1.5, "found {found:.1}, expected at least {expected} - 1.5");
-    }
-    for (int8, f32) in int8.into_iter().zip(f32) {
-        assert!(int8 >= f32 - 0.5, "int8 gives {int8:.1}, f32 {f32:.1}");
+    // Figures of each built-in model on the day that it was built in.
+    let expected = [("drmim-p50", [90.9, 71.7, 87.9, 67.3]), ("drmim-p75", [90.3, 71.4, 87.1, 67.2])];
+    assert!(Model::builtin_names().eq(expected.iter().map(|(name, _)| *name)));
+    for (name, expected) in expected {
+        let weights = Model::find(Some(Path::new(name))).unwrap();
+        let f32 = accuracy(&root, &weights, Precision::F32);
+        let int8 = accuracy(&root, &weights, Precision::Int8);
+        for (found, expected) in f32.into_iter().zip(expected) {
+            assert!(found >= expected - 1.5, "{name}: found {found:.1}, expected at least {expected} - 1.5");
+        }
+        for (int8, f32) in int8.into_iter().zip(f32) {
+            assert!(int8 >= f32 - 0.5, "{name}: int8 gives {int8:.1}, f32 {f32:.1}");
+        }
     }
 }
 
-/// Precision@20 and AUC of the built-in model in percent: over all sequences, and over those whose videos were not
+/// Precision@20 and AUC of a built-in model in percent: over all sequences, and over those whose videos were not
 /// trained on.
-fn accuracy(root: &Path, precision: Precision) -> [f32; 4] {
-    let model = Model::with_precision(&Model::builtin_weights(), Isa::detect(), precision).unwrap();
+fn accuracy(root: &Path, weights: &Weights, precision: Precision) -> [f32; 4] {
+    let model = Model::with_precision(weights, Isa::detect(), precision).unwrap();
     let (mut all, mut clean) = (Vec::new(), Vec::new());
     let folders = |path: &Path| -> Vec<PathBuf> {
         let mut list: Vec<_> = std::fs::read_dir(path).unwrap().map(|e| e.unwrap().path()).collect();
@@ -126,7 +132,8 @@ fn accuracy(root: &Path, precision: Precision) -> [f32; 4] {
     };
     let (all, clean) = (mean(&all), mean(&clean));
     println!(
-        "{}: precision@20 / AUC: all {:.1} / {:.1}, dev-clean {:.1} / {:.1}",
+        "{} {}: precision@20 / AUC: all {:.1} / {:.1}, dev-clean {:.1} / {:.1}",
+        weights.header.provenance.name,
         precision.name(),
         all.0,
         all.1,

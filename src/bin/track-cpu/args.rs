@@ -93,12 +93,9 @@ impl EngineArgs {
         self.isa.unwrap_or_else(Isa::detect)
     }
 
-    /// The model of a weights file, or the built-in one.
-    pub fn model(&self, path: Option<&Path>) -> Result<Model, ModelError> {
-        self.model_of(&match path {
-            Some(path) => Weights::read(path)?,
-            None => Model::builtin_weights(),
-        })
+    /// The model that [`Model::find`] finds, as it is to run.
+    pub fn model(&self, name: Option<&Path>) -> Result<Model, ModelError> {
+        self.model_of(&Model::find(name)?)
     }
 
     /// Weights as they are to run.
@@ -168,7 +165,7 @@ pub struct TrackArgs {
     /// The object in the first frame: left, top, width, height in pixels, 0-based.
     #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
     pub init: BBox,
-    /// Weights file; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Where the boxes go, one line x,y,w,h per frame; standard output if absent.
@@ -327,15 +324,15 @@ impl RandomArgs {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  track-cpu info builtin
+  track-cpu info drmim-p50
   track-cpu info weights.safetensors --json
   track-cpu info --widths P50 --encoder 3x3
   track-cpu info --widths 76,224,337,334,256,256,256,230,138,224,227,145,224     P-SiamFC++: 7,489,986 parameters
 
 All 13 widths are conv1 to conv5, the necks (cls, reg), and the towers cls1 to cls3 and reg1 to reg3.")]
 pub struct InfoArgs {
-    /// Weights file, or `builtin`.
-    #[arg(value_name = "MODEL", required_unless_present = "widths", conflicts_with = "widths")]
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
+    #[arg(value_name = "MODEL", conflicts_with = "widths")]
     pub model: Option<PathBuf>,
     /// A network without a file.
     #[command(flatten)]
@@ -362,7 +359,7 @@ beside it and is never lower. A comparison takes the medians of ten blocks of ea
 is above two standard deviations of these, and above 1 %. GFLOP/s counts two operations per multiply-accumulate of the plain convolutions, over the
 time of the network's stages.")]
 pub struct BenchArgs {
-    /// Weights file; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(short, long, value_name = "FILE", conflicts_with = "widths")]
     pub model: Option<PathBuf>,
     /// A network without a file.
@@ -417,7 +414,7 @@ Messages go over standard input and output, or over the local port that the envi
 Takes rectangles, polygons and masks, and pictures as paths, in memory and encoded; answers with rectangles and the
 score as `confidence`. With protocol version 4 several objects may be followed at a time.")]
 pub struct TraxArgs {
-    /// Weights file; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Version of the protocol: 1, 3 or 4.

@@ -1,10 +1,8 @@
 //! `info`: what a network is made of.
 
-use std::path::Path;
-
 use serde_json::{Value, json};
-use track_cpu::{Isa, Model, ModelError};
-use weights_format::{Architecture, Header, Layer, LayerKind, Storage, Weights};
+use track_cpu::Model;
+use weights_format::{Architecture, Header, Layer, LayerKind, Storage};
 
 use crate::args::InfoArgs;
 use crate::exit::Failure;
@@ -14,8 +12,7 @@ use crate::report::{grouped, print, rounded, table};
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let header = match (args.random.architecture()?, args.model.as_deref()) {
         (Some(architecture), _) => Header::new(architecture),
-        (None, Some(path)) if path == Path::new("builtin") => Model::builtin(Isa::detect()).header().clone(),
-        (None, path) => Weights::read(path.unwrap_or(Path::new(""))).map_err(ModelError::from)?.header,
+        (None, name) => Model::find(name)?.header,
     };
     match args.json {
         true => print(&as_json(&header).to_string()),

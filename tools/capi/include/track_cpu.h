@@ -56,7 +56,7 @@ typedef struct track_cpu_box {
     float x, y, w, h;
 } track_cpu_box;
 
-/* Makes a tracker of a weights file (UTF-8), or of the built-in model if model_path is NULL; threads from 1 to 256 work
+/* Makes a tracker of a weights file (UTF-8), or of the built-in model of that name; of the standard one if NULL. Threads from 1 to 256 work
  * on one frame. *out is NULL if it fails. */
 int32_t track_cpu_create(const char *model_path, uint32_t threads, track_cpu_tracker **out);
 

@@ -61,7 +61,7 @@ pub struct track_cpu_tracker {
     score: f32,
 }
 
-/// Makes a tracker of a weights file, or of the built-in model if `model_path` is null.
+/// Makes a tracker of a weights file or of the built-in model of that name; of the standard one if `model_path` is null.
 ///
 /// # Safety
 /// `model_path` is null or a string that ends in 0; `out` is null or may be written to.
@@ -78,15 +78,15 @@ pub unsafe extern "C" fn track_cpu_create(
         if !(1..=MAX_THREADS).contains(&threads) {
             return Err(Failure::Threads { found: threads, most: MAX_THREADS });
         }
-        let model = match model_path.is_null() {
-            true => Model::builtin(Isa::detect()),
+        let name = match model_path.is_null() {
+            true => None,
             false => {
                 // SAFETY: it is not null, and the caller promises that it then is a string that ends in 0.
                 let path = unsafe { CStr::from_ptr(model_path) };
-                let path = path.to_str().map_err(|_| Failure::Path)?;
-                Model::read(Path::new(path), Isa::detect())?
+                Some(Path::new(path.to_str().map_err(|_| Failure::Path)?))
             }
         };
+        let model = Model::from_weights(&Model::find(name)?, Isa::detect())?;
         let options = TrackerOptions { threads: threads as usize, ..TrackerOptions::of(&model) };
         let tracker = Tracker::with_options(model, options);
         *out = Box::into_raw(Box::new(track_cpu_tracker { tracker, score: 0.0 }));

@@ -69,7 +69,7 @@ struct CalibrateArgs {
     /// First seed of as many flights that are only measured.
     #[arg(long, default_value_t = 920_000)]
     test_seed: u64,
-    /// Weights file; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Weights file to carry the coefficients from now on, usually the same: it is rewritten with them as a note.
@@ -87,7 +87,7 @@ struct EvaluateArgs {
     /// First seed: not one that was fitted to.
     #[arg(long, default_value_t = 930_000)]
     seed: u64,
-    /// Weights file; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Searches per frame while the target is lost.
@@ -105,7 +105,7 @@ struct EvaluateArgs {
 struct SequencesArgs {
     /// Folder of sequences, each with img/ and groundtruth_rect.txt, one or two levels below.
     folder: PathBuf,
-    /// Weights file; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Searches per frame while the target is lost.
@@ -141,7 +141,7 @@ pub enum Failure {
 
 /// The model of a file, or the built-in one.
 fn load(path: Option<&PathBuf>) -> Result<Model, ModelError> {
-    path.map_or_else(|| Ok(Model::builtin(Isa::detect())), |path| Model::read(path, Isa::detect()))
+    Model::from_weights(&Model::find(path.map(PathBuf::as_path))?, Isa::detect())
 }
 
 fn main() -> ExitCode {

@@ -81,7 +81,7 @@ pub struct RunArgs {
     /// How long another tracker may take for a frame; by command line, for each of a sequence's frames [default: 60].
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "tracker")]
     pub timeout: Option<Duration>,
-    /// Weights file of this repository's tracker; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(short, long, value_name = "FILE", conflicts_with = "tracker")]
     pub model: Option<PathBuf>,
     /// What the tracker is called [default: track-cpu, or the program's name].

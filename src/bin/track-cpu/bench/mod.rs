@@ -6,8 +6,7 @@ mod measure;
 mod plan;
 mod report;
 
-use track_cpu::{Model, ModelError};
-use weights_format::Weights;
+use track_cpu::Model;
 
 use crate::args::BenchArgs;
 use crate::exit::Failure;
@@ -54,8 +53,7 @@ pub fn model(args: &BenchArgs) -> Result<Model, Failure> {
     let is_random = random.is_some();
     let weights = match (random, &args.model) {
         (Some(weights), _) => weights,
-        (None, Some(path)) => Weights::read(path).map_err(ModelError::from)?,
-        (None, None) => Model::builtin_weights(),
+        (None, name) => Model::find(name.as_deref())?,
     };
     Ok(match args.algorithm {
         Some(algorithm) => Model::with_algorithm(&weights, args.engine.isa(), algorithm)?,

@@ -42,7 +42,7 @@ pub struct ServeArgs {
     /// Target in the first frame: left, top, width, height in pixels; without it a client starts.
     #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
     pub init: Option<BBox>,
-    /// Weights file; the built-in model if absent.
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// What follows the target.
@@ -99,7 +99,7 @@ pub struct ReplayArgs {
     /// Folder of saved frames.
     #[arg(long, value_name = "DIR")]
     pub frames: Option<PathBuf>,
-    /// Weights file in place of the one that the log names.
+    /// Weights file or built-in model in place of the one that the log names.
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
 }

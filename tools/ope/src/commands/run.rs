@@ -18,8 +18,10 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
             let timeout = args.timeout.unwrap_or(program.timeout);
             (Runner::Program(Program { timeout, ..program.clone() }), program.line.name())
         }
-        (None, Some(path)) => (Runner::Builtin(Model::read(path, Isa::detect())?), "track-cpu".to_owned()),
-        (None, None) => (Runner::Builtin(Model::builtin(Isa::detect())), "track-cpu".to_owned()),
+        (None, name) => {
+            let model = Model::from_weights(&Model::find(name.as_deref())?, Isa::detect())?;
+            (Runner::Builtin(model), "track-cpu".to_owned())
+        }
     };
     let name = super::folder_name(args.name.as_ref().unwrap_or(&name))?;
     let folder = args.out.join(dataset.name()).join(name);
