@@ -13,6 +13,7 @@ mod font;
 mod info;
 mod machine;
 mod overlay;
+mod painter;
 mod report;
 mod selftest;
 #[cfg(feature = "serve")]

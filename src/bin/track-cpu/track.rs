@@ -12,8 +12,8 @@ use track_cpu::source::{Input, Prefetch, Source};
 
 use crate::args::TrackArgs;
 use crate::exit::Failure;
-use crate::film::Film;
 use crate::follow::{Follower, Found};
+use crate::painter::Painter;
 use crate::report::{progress, rounded};
 use crate::statistics::Times;
 
@@ -32,7 +32,7 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     };
     let mut frames = Prefetch::new(source, AHEAD);
     let mut boxes = Boxes::create(args.out.as_deref(), args.json)?;
-    let mut film = args.overlay.as_deref().map(Film::create).transpose()?;
+    let painter = args.overlay.as_deref().map(Painter::create).transpose()?;
     let mut tracker = Follower::new(model, &args.engine, args.mode)?;
 
     let began = Instant::now();
@@ -51,14 +51,16 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
             times.push(took);
         }
         boxes.write(index, &found, took)?;
-        if let Some(film) = &mut film {
-            film.add(index, &frame, |canvas| {
-                canvas.found(&found.bbox, found.sureness.map(|(presence, _)| presence).or(found.score));
-                let state = found.sureness.map_or(String::new(), |(_, state)| format!(" {}", state.name()));
-                canvas.caption(&format!("#{index}{state}"));
-            })?;
+        match &painter {
+            None => frames.recycle(image),
+            Some(painter) => {
+                let drawing = painter.add(index, image, found);
+                painter.drawn().for_each(|image| frames.recycle(image));
+                if !drawing {
+                    return Ok(false);
+                }
+            }
         }
-        frames.recycle(image);
         bar.inc(1);
         Ok(true)
     };
@@ -74,8 +76,7 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
         }
     }
     bar.finish_and_clear();
-    // Whatever ended the video, the film of what there was is completed.
-    let filmed = film.map_or(Ok(()), Film::finish);
+    let filmed = painter.map_or(Ok(()), Painter::finish);
     if !matches!(done, Err(Failure::ClosedPipe)) && !times.is_empty() {
         summarise(args, &times, began.elapsed());
     }
