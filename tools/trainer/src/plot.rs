@@ -69,6 +69,8 @@ impl Panel {
     fn draw(&self, svg: &mut String, top: f64) {
         let (first, last) = self.reach();
         let high = self.points().map(|(_, y)| *y).fold(self.low, f64::max).max(self.low + 1e-6);
+        let levels = levels(self.low, high);
+        let high = levels.last().map_or(high, |(level, _)| level.max(high));
         let place = |(x, y): (f64, f64)| {
             let across = MARGIN + (x - first) / (last - first) * (WIDTH - 4.5 * MARGIN);
             let share = ((y - self.low) / (high - self.low)).max(0.0);
@@ -76,14 +78,13 @@ impl Panel {
         };
         let _ = writeln!(svg, "<text x=\"{MARGIN}\" y=\"{}\">{}</text>", top + 16.0, escaped(&self.title));
         let mut ticks = self.ticks.clone();
-        for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
-            let label = self.low + share * (high - self.low);
-            let ((x0, y), (x1, _)) = (place((first, label)), place((last, label)));
+        for (level, label) in levels {
+            let ((x0, y), (x1, _)) = (place((first, level)), place((last, level)));
             let _ = writeln!(svg, "<path d=\"M{x0:.1} {y:.1}H{x1:.1}\" stroke=\"#ddd\"/>");
-            let _ = writeln!(svg, "<text x=\"4\" y=\"{y:.1}\" fill=\"#666\">{label:.2}</text>");
-            if self.ticks.is_empty() {
-                ticks.push((share * last, format!("{:.0}", share * last)));
-            }
+            let _ = writeln!(svg, "<text x=\"4\" y=\"{y:.1}\" fill=\"#666\">{label}</text>");
+        }
+        if ticks.is_empty() {
+            ticks = self::levels(first, last).into_iter().filter(|(at, _)| *at <= last).collect();
         }
         for (at, label) in ticks {
             let (x, y) = place((at, self.low));
@@ -114,6 +115,18 @@ impl Panel {
     }
 }
 
+/// Round numbers with their labels, at most six, from `low` to the first that is not below `high`.
+fn levels(low: f64, high: f64) -> Vec<(f64, String)> {
+    const MOST: f64 = 5.0;
+    let power = 10f64.powf(((high - low) / MOST).log10().floor());
+    let step =
+        [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power).into_iter().find(|s| (high - low) / s <= MOST);
+    let step = step.unwrap_or(high - low);
+    let decimals = (-step.log10().floor()).max(0.0) as usize;
+    let count = ((high - low) / step - 1e-9).ceil().clamp(1.0, MOST + 1.0) as usize;
+    (0..=count).map(|i| low + i as f64 * step).map(|level| (level, format!("{level:.decimals$}"))).collect()
+}
+
 /// Text that is no markup.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
@@ -131,7 +144,12 @@ mod tests {
         let panel = Panel { title: "t".into(), lines: vec![line, Line::default()], ticks, low: 40.0 };
         let svg = svg(&[panel, Panel::default()]);
         assert_eq!((svg.matches("<polyline").count(), svg.matches("<circle").count()), (1, 2));
-        assert!(svg.contains("a&lt;b 60.000") && svg.contains(">two<") && svg.contains(">40.00<"));
+        assert!(svg.contains("a&lt;b 60.000") && svg.contains(">two<") && svg.contains(">40<"));
+        let labels = |low, high| levels(low, high).into_iter().map(|(_, label)| label).collect::<Vec<_>>();
+        assert_eq!(labels(50.0, 89.7), ["50", "60", "70", "80", "90"]);
+        assert_eq!(labels(0.0, 1.31), ["0.0", "0.5", "1.0", "1.5"]);
+        assert_eq!(labels(0.0, 0.07), ["0.00", "0.02", "0.04", "0.06", "0.08"]);
+        assert_eq!(labels(0.0, 78_000.0), ["0", "20000", "40000", "60000", "80000"]);
         assert!(svg.contains("height=\"600\"") && !svg.contains("NaN"), "{svg}");
     }
 }
