@@ -159,6 +159,18 @@ impl Isa {
         self.run(Lanes)
     }
 
+    /// Pixels of a register tile of so many vectors of channels ([`Simd::TILE_PIXELS`]).
+    pub(crate) fn tile_pixels(self, vectors: usize) -> usize {
+        struct Pixels(usize);
+        impl Kernel for Pixels {
+            type Output = usize;
+            fn run<S: Simd>(self, _: S) -> usize {
+                S::TILE_PIXELS[self.0]
+            }
+        }
+        self.run(Pixels(vectors))
+    }
+
     /// What dot products of bytes take off each activation ([`Dot::OFFSET`]).
     pub(crate) fn dot_offset(self) -> i32 {
         struct Offset;

@@ -40,6 +40,7 @@ pub(super) struct Weights {
     shape: ConvShape, // without stride
     points: usize,    // a
     lanes: usize,     // of the widest block
+    group: usize,     // most tiles that are multiplied at a time
     kernels: Kernels,
 }
 
@@ -153,7 +154,7 @@ impl Weights {
             Kernels::Points(whole)
         };
         let widest = blocks(inner.out_channels.div_ceil(isa.lanes())).max().unwrap_or(0);
-        Weights { shape: inner, points, lanes: widest * isa.lanes(), kernels }
+        Weights { shape: inner, points, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest), kernels }
     }
 
     /// The convolution without its stride.
@@ -270,36 +271,53 @@ fn row_of_kernels<S: Simd, const A: usize, const K: usize>(
 const STRIP_TILES: [usize; 2] = [64, 24];
 
 /// How a map is cut into tiles, and the scratch space for a strip of them.
+///
+/// `V` and `M` lie group by group (as many tiles as a register tile takes), in a group point by point: the transforms, which
+/// touch all points of a tile, stay within few pages of memory.
 struct Plan {
     points: usize, // a
     across: usize, // tiles in a row
     strip: usize,  // rows of tiles in a strip
-    v_step: usize, // from one point's V to the next one's
-    m_step: usize, // from one point's M to the next one's
+    group: usize,  // most tiles in a group
+    v_step: usize, // from one point's V to the next one's, within a group
+    m_step: usize, // from one point's M to the next one's, within a group
     u_step: usize, // from one point's U to the next one's, within a row
 }
 
 impl Plan {
     fn new(weights: &Weights, out: Size) -> Plan {
-        let Weights { shape, points, lanes, kernels } = weights;
+        let Weights { shape, points, lanes, group, kernels } = weights;
         let m = points + 1 - shape.kernel;
         let across = out.w.div_ceil(m);
         let anew = matches!(kernels, Kernels::Taps(_));
         let strip = (STRIP_TILES[usize::from(!anew)] / across).clamp(1, out.h.div_ceil(m));
-        // One cache line more than a full strip, lest the points' lines fall on each other in the cache.
-        let step = |channels: usize| (strip * across * channels).next_multiple_of(16) + 16;
+        // One cache line more than needed, lest the points' lines fall on each other in the cache.
+        let step = |values: usize| values.next_multiple_of(16) + 16;
         Plan {
             points: *points,
             across,
             strip,
-            v_step: step(shape.in_channels),
-            m_step: step(*lanes),
-            u_step: if anew { shape.in_channels * lanes + 16 } else { 0 },
+            group: *group,
+            v_step: step(group * shape.in_channels),
+            m_step: step(group * lanes),
+            u_step: if anew { step(shape.in_channels * lanes) } else { 0 },
         }
     }
 
+    /// Values of `V` and of `M` of one group.
+    fn group_len(&self) -> [usize; 2] {
+        [self.v_step, self.m_step].map(|step| self.points * self.points * step)
+    }
+
     fn scratch_len(&self) -> usize {
-        self.points * (self.points * (self.v_step + self.m_step) + self.u_step)
+        let groups = (self.strip * self.across).div_ceil(self.group);
+        groups * self.group_len().iter().sum::<usize>() + self.points * self.u_step
+    }
+
+    /// The first tile of each group and behind the last, of `tiles` in groups of equal size: no small rest.
+    fn groups(&self, tiles: usize) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+        let groups = tiles.div_ceil(self.group);
+        (0..groups).map(move |i| i * tiles / groups..(i + 1) * tiles / groups)
     }
 }
 
@@ -350,18 +368,29 @@ impl Winograd<'_> {
         let width = size.w + 1 - K;
         let (cin, cout) = (shape.in_channels, shape.out_channels);
         let plan = Plan::new(weights, Size { h: size.h + 1 - K, w: width });
-        let (v, scratch) = scratch.split_at_mut(A * A * plan.v_step);
-        let (m, u) = scratch.split_at_mut(A * A * plan.m_step);
+        let [v_len, m_len] = plan.group_len();
+        let (u, scratch) = scratch.split_at_mut(A * plan.u_step);
+        let (v, m) = scratch.split_at_mut((plan.strip * plan.across).div_ceil(plan.group) * v_len);
         let floor = if shape.relu { 0.0 } else { f32::NEG_INFINITY };
         let g = kernel_matrix(K);
         let (mut half_in, mut half_out) = ([[simd.zero(); A]; A], [[simd.zero(); M]; A]);
         for (i, out) in out.chunks_mut(plan.strip * M * width * cout).enumerate() {
             let top = first_row + i * plan.strip * M;
             let tiles = (out.len() / (width * cout)).div_ceil(M) * plan.across;
-            for tile in 0..tiles {
-                let (y, x) = (top + tile / plan.across * M, tile % plan.across * M);
-                let v = &mut v[tile * cin..];
-                input_tile::<S, A>(simd, input, size, cin, (y, x), v, plan.v_step, &mut half_in);
+            for (group, v) in plan.groups(tiles).zip(v.chunks_exact_mut(v_len)) {
+                for (tile, at) in group.zip((0..).step_by(cin)) {
+                    let corner = (top + tile / plan.across * M, tile % plan.across * M);
+                    input_tile::<S, A>(
+                        simd,
+                        input,
+                        size,
+                        cin,
+                        corner,
+                        &mut v[at..],
+                        plan.v_step,
+                        &mut half_in,
+                    );
+                }
             }
             let mut first = 0; // channel of the block
             for vectors in blocks(cout.div_ceil(S::LANES)) {
@@ -379,16 +408,30 @@ impl Winograd<'_> {
                     };
                     for j in 0..A {
                         let (p, u) = (i * A + j, &row[j * step..][..cin * lanes]);
-                        multiply(simd, tiles, vectors, &v[p * plan.v_step..], u, &mut m[p * plan.m_step..]);
+                        let groups = v.chunks_exact(v_len).zip(m.chunks_exact_mut(m_len));
+                        for (group, (v, m)) in plan.groups(tiles).zip(groups) {
+                            let (v, m) = (&v[p * plan.v_step..], &mut m[p * plan.m_step..]);
+                            multiply(simd, group.len(), vectors, v, u, m);
+                        }
                     }
                 }
                 let used = (cout - first).min(lanes);
                 let bias = &bias[first..first + used];
-                for tile in 0..tiles {
-                    let (y, x) = (tile / plan.across * M, tile % plan.across * M);
-                    let map = OutputMap { values: &mut *out, width, channels: cout, first };
-                    let m = &m[tile * lanes..];
-                    output_tile::<S, A, M>(simd, m, plan.m_step, bias, floor, map, (y, x), &mut half_out);
+                for (group, m) in plan.groups(tiles).zip(m.chunks_exact(m_len)) {
+                    for (tile, at) in group.zip((0..).step_by(lanes)) {
+                        let corner = (tile / plan.across * M, tile % plan.across * M);
+                        let map = OutputMap { values: &mut *out, width, channels: cout, first };
+                        output_tile::<S, A, M>(
+                            simd,
+                            &m[at..],
+                            plan.m_step,
+                            bias,
+                            floor,
+                            map,
+                            corner,
+                            &mut half_out,
+                        );
+                    }
                 }
                 first += used;
             }
@@ -473,30 +516,24 @@ fn every_other<S: Simd, const A: usize>(
     sum
 }
 
-/// `M = V U` of one point and one block: `[tiles, Cin] x [Cin, lanes]`, in the direct path's register tiles.
+/// `M = V U` of one point, one block and one group: `[tiles, Cin] x [Cin, lanes]`, in one of the direct path's register tiles.
 #[inline(always)]
 fn multiply<S: Simd>(simd: S, tiles: usize, vectors: usize, v: &[f32], u: &[f32], m: &mut [f32]) {
     let lanes = vectors * S::LANES;
     let cin = u.len() / lanes;
-    let groups = tiles.div_ceil(S::TILE_PIXELS[vectors]);
-    let mut tile = 0;
-    for i in 0..groups {
-        let pixels = tiles / groups + usize::from(i < tiles % groups);
-        let args = Tile {
-            input: &v[tile * cin..],
-            pixel_step: cin,
-            row_step: 0,
-            row_len: cin,
-            rows: 1,
-            weights: u,
-            bias: &[],
-            relu: false,
-            out: &mut m[tile * lanes..],
-            out_step: lanes,
-        };
-        super::for_tile!(pixels, vectors, args.products, S, simd);
-        tile += pixels;
-    }
+    let args = Tile {
+        input: v,
+        pixel_step: cin,
+        row_step: 0,
+        row_len: cin,
+        rows: 1,
+        weights: u,
+        bias: &[],
+        relu: false,
+        out: m,
+        out_step: lanes,
+    };
+    super::for_tile!(tiles, vectors, args.products, S, simd);
 }
 
 /// Where the outputs of a block go.
@@ -550,25 +587,17 @@ fn output_tile<S: Simd, const A: usize, const M: usize>(
 
 /// `A^T m` for one line of products: `y[j] = sum over points of point^j m`.
 #[inline(always)]
+#[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
 fn output_values<S: Simd, const A: usize, const M: usize>(simd: S, m: &[S::F32; A]) -> [S::F32; M] {
     let (count, powers) = const { ((A - 2) / 2, powers(A)) };
     let mut y = [simd.zero(); M];
-    let mut even = [simd.zero(); MAX_PAIRS];
-    let mut odd = [simd.zero(); MAX_PAIRS];
+    y[0] = m[0];
+    y[M - 1] = simd.add(y[M - 1], m[A - 1]);
     for p in 0..count {
-        even[p] = simd.add(m[1 + 2 * p], m[2 + 2 * p]);
-        odd[p] = simd.sub(m[1 + 2 * p], m[2 + 2 * p]);
-    }
-    for (j, y) in y.iter_mut().enumerate() {
-        let sums = if j % 2 == 0 { even } else { odd };
-        let mut value = if j == 0 { m[0] } else { simd.zero() };
-        if j == M - 1 {
-            value = simd.add(value, m[A - 1]);
+        let (even, odd) = (simd.add(m[1 + 2 * p], m[2 + 2 * p]), simd.sub(m[1 + 2 * p], m[2 + 2 * p]));
+        for j in 0..M {
+            y[j] = simd.mul_add(simd.splat(powers[p][j]), if j % 2 == 0 { even } else { odd }, y[j]);
         }
-        for (sum, powers) in sums.iter().zip(&powers).take(count) {
-            value = simd.mul_add(simd.splat(powers[j]), *sum, value);
-        }
-        *y = value;
     }
     y
 }
