@@ -245,6 +245,9 @@ pub struct DemoArgs {
     /// Its length.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = frames)]
     pub frames: usize,
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
+    #[arg(short, long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
     /// End standard output with one JSON object: mean_iou, precision_20, fps, frames.
     #[arg(long)]
     pub json: bool,

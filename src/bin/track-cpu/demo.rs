@@ -24,7 +24,7 @@ const PRECISE_PX: f32 = 20.0;
 
 /// Runs the sub-command.
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
-    let model = args.engine.model(None)?;
+    let model = args.engine.model(args.model.as_deref())?;
     let options = args.engine.options(&model);
     let mut tracker = Tracker::with_options(model, options);
     std::fs::create_dir_all(&args.out).map_err(|error| Failure::output(&args.out, error))?;
