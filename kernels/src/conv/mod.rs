@@ -113,13 +113,18 @@ impl Algorithm {
 
     /// This algorithm where it can compute `shape`, else `Direct`.
     pub fn supported(self, shape: &ConvShape) -> Algorithm {
-        let fits = match self {
-            Algorithm::Direct | Algorithm::Im2col | Algorithm::Int8(_) => true,
-            Algorithm::Winograd6 => winograd::fits(shape, 6),
-            Algorithm::Winograd8 => winograd::fits(shape, 8),
-            Algorithm::Winograd10 => winograd::fits(shape, 10),
-        };
+        let fits = self.points().is_none_or(|points| winograd::fits(shape, points));
         if fits { self } else { Algorithm::Direct }
+    }
+
+    /// Points along one side of a tile of Winograd's algorithm; `None` for the others.
+    fn points(self) -> Option<usize> {
+        match self {
+            Algorithm::Winograd6 => Some(6),
+            Algorithm::Winograd8 => Some(8),
+            Algorithm::Winograd10 => Some(10),
+            Algorithm::Direct | Algorithm::Im2col | Algorithm::Int8(_) => None,
+        }
     }
 
     /// The algorithm in `f32` that is expected to be fastest for an input of `size`.
@@ -152,12 +157,10 @@ impl Algorithm {
             let tiles = (out.h.div_ceil(tile) * out.w.div_ceil(tile)) as u64;
             (points * points) as u64 * (tiles * (product + TRANSFORMED_VALUE * values) + WEIGHT * product)
         };
-        match self {
-            Algorithm::Winograd6 => winograd(6),
-            Algorithm::Winograd8 => winograd(8),
-            Algorithm::Winograd10 => winograd(10),
-            Algorithm::Direct | Algorithm::Im2col => shape.macs(size),
-            Algorithm::Int8(_) => shape.macs(size) / BYTES,
+        match (self, self.points()) {
+            (_, Some(points)) => winograd(points),
+            (Algorithm::Int8(_), _) => shape.macs(size) / BYTES,
+            _ => shape.macs(size),
         }
     }
 
@@ -242,13 +245,12 @@ impl Conv {
         assert!(shape.kernel > 0 && shape.stride > 0 && shape.in_channels > 0, "{shape:?}");
         assert_eq!(weights.len(), shape.out_channels * shape.window(), "weights of {shape:?}");
         assert_eq!(bias.len(), shape.out_channels, "bias of {shape:?}");
-        let weights = match algorithm.supported(&shape) {
-            Algorithm::Direct => Packed::Direct(direct::Weights::new(isa, &shape, weights)),
-            Algorithm::Im2col => Packed::Im2col(im2col::Weights::new(&shape, weights)),
-            Algorithm::Winograd6 => Packed::Winograd(winograd::Weights::new(isa, &shape, 6, weights)),
-            Algorithm::Winograd8 => Packed::Winograd(winograd::Weights::new(isa, &shape, 8, weights)),
-            Algorithm::Winograd10 => Packed::Winograd(winograd::Weights::new(isa, &shape, 10, weights)),
-            Algorithm::Int8(input) => Packed::Int8(int8::Weights::new(isa, &shape, weights, input)),
+        let algorithm = algorithm.supported(&shape);
+        let weights = match (algorithm, algorithm.points()) {
+            (_, Some(points)) => Packed::Winograd(winograd::Weights::new(isa, &shape, points, weights)),
+            (Algorithm::Im2col, _) => Packed::Im2col(im2col::Weights::new(&shape, weights)),
+            (Algorithm::Int8(input), _) => Packed::Int8(int8::Weights::new(isa, &shape, weights, input)),
+            _ => Packed::Direct(direct::Weights::new(isa, &shape, weights)),
         };
         Conv { shape, isa, bias: bias.to_vec(), weights }
     }

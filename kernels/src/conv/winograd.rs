@@ -287,7 +287,7 @@ struct Plan {
 impl Plan {
     fn new(weights: &Weights, out: Size) -> Plan {
         let Weights { shape, points, lanes, group, kernels } = weights;
-        let m = points + 1 - shape.kernel;
+        let m = rows_per_tile(shape, *points);
         let across = out.w.div_ceil(m);
         let anew = matches!(kernels, Kernels::Taps(_));
         let strip = (STRIP_TILES[usize::from(!anew)] / across).clamp(1, out.h.div_ceil(m));
