@@ -7,7 +7,7 @@
 //! | kernel | formula | input -> output | file | share of a frame |
 //! |---|---|---|---|---|
 //! | convolution, direct | `y = relu(b + sum w x)` | `[H, W, Cin] -> [H', W', Cout]` | [`conv`], `conv/direct.rs` | 95 % |
-//! | convolution, Winograd | the same, with 3 to 6 times fewer multiplications | the same | `conv/winograd.rs` | stride-1 layers |
+//! | convolution, Winograd | the same, with 3 to 6 times fewer multiplications | the same | `conv/winograd/` | all layers but the 1x1 outputs |
 //! | convolution, im2col | the same, as one matrix product | the same | `conv/im2col.rs`, `gemm.rs` | portable alternative |
 //! | convolution, int8 | the same on bytes, sums exact in `i32` | the same | `conv/int8.rs` | all but the outputs |
 //! | quantization | `q = round(x / s) + z` | `f32 [n] -> u8 [n]` | [`quant`] | counted with the convolution |

@@ -5,7 +5,7 @@
 //! `H' = (H + 2 pad - k) / stride + 1`. Cost: `H' W' Cout Cin k^2` multiply-accumulates.
 //!
 //! In HWC one row of the kernel's window is `k * Cin` *contiguous* floats, so a convolution is `k` matrix products with
-//! overlapping rows, and no patch has to be gathered. `direct.rs` works on them in place; `winograd.rs` does with fewer
+//! overlapping rows, and no patch has to be gathered. `direct.rs` works on them in place; `winograd/` does with fewer
 //! multiplications; `fold.rs` takes strides away for it; `im2col.rs` copies them into one matrix for a general matrix product; `int8.rs`
 //! works on bytes.
 

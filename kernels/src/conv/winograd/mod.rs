@@ -29,10 +29,14 @@
 //! kernels stand reading it from memory would take longer than multiplying with it: there `U` is made anew where it is used, a row of
 //! points at a time.
 
+mod points;
+
 use super::direct::{Tile, blocks};
 use super::{ConvShape, fold};
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Size};
+pub use points::{MAX_KERNEL, kernel_row, pairs};
+use points::{input_points, kernel_matrix, output_values};
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
@@ -56,85 +60,6 @@ enum Kernels {
 pub(super) fn fits(shape: &ConvShape, points: usize) -> bool {
     [(6, 3), (8, 3), (6, 5), (8, 5), (10, 5), (8, 6), (10, 6)]
         .contains(&(points, fold::unstrided(shape).kernel))
-}
-
-/// The finite points but 0, each of which comes with both signs: two for 6 points, three for 8, four for 10. Fractions with a power of
-/// two below the line, so that the matrices that follow from them are exact; the four are those with the smallest error.
-pub const fn pairs(points: usize) -> [f32; MAX_PAIRS] {
-    match points {
-        10 => [0.5, 0.875, 1.25, 2.5],
-        _ => [1.0, 2.0, 0.5, 0.0],
-    }
-}
-
-/// Longest side of a kernel, and of a tile's outputs.
-pub const MAX_KERNEL: usize = 6;
-
-/// Most pairs of points.
-const MAX_PAIRS: usize = 4;
-
-/// Powers of the pairs' positive points: `[pair][exponent]`.
-const fn powers(points: usize) -> [[f32; MAX_KERNEL]; MAX_PAIRS] {
-    let mut powers = [[1.0; MAX_KERNEL]; MAX_PAIRS];
-    let mut pair = 0;
-    while pair < MAX_PAIRS {
-        let mut exponent = 1;
-        while exponent < MAX_KERNEL {
-            powers[pair][exponent] = powers[pair][exponent - 1] * pairs(points)[pair];
-            exponent += 1;
-        }
-        pair += 1;
-    }
-    powers
-}
-
-/// Coefficients, by rising powers of `z`, of the product of `z - q^2` over all pairs `q`, `-q` but the one of index `skip`.
-const fn product(points: usize, skip: usize) -> [f32; MAX_PAIRS + 1] {
-    let mut coefficients = [0.0; MAX_PAIRS + 1];
-    coefficients[0] = 1.0;
-    let mut pair = 0;
-    while pair < (points - 2) / 2 {
-        if pair != skip {
-            let square = pairs(points)[pair] * pairs(points)[pair];
-            let mut power = MAX_PAIRS;
-            while power > 0 {
-                coefficients[power] = coefficients[power - 1] - square * coefficients[power];
-                power -= 1;
-            }
-            coefficients[0] *= -square;
-        }
-        pair += 1;
-    }
-    coefficients
-}
-
-/// Row `i` of `G`: the kernel's value at point `i`, divided by the product of its distances to the other finite points.
-pub fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; MAX_KERNEL] {
-    let mut row = [0.0; MAX_KERNEL];
-    if i == points - 1 {
-        row[kernel - 1] = 1.0;
-        return row;
-    }
-    let value = |coefficients: [f32; MAX_PAIRS + 1], z: f64| {
-        coefficients.iter().rev().fold(0.0, |sum, c| sum * z + f64::from(*c))
-    };
-    let (point, distances) = match i {
-        0 => (0.0, value(product(points, MAX_PAIRS), 0.0)),
-        _ => {
-            let p = f64::from(pairs(points)[(i - 1) / 2]);
-            (if i % 2 == 1 { p } else { -p }, 2.0 * p * p * value(product(points, (i - 1) / 2), p * p))
-        }
-    };
-    for (j, value) in row[..kernel].iter_mut().enumerate() {
-        *value = (point.powi(j as i32) / distances) as f32;
-    }
-    row
-}
-
-/// `G` for `A` points.
-#[inline(always)]
-fn kernel_matrix<const A: usize>(kernel: usize) -> [[f32; MAX_KERNEL]; A] {
-    std::array::from_fn(|i| kernel_row(A, kernel, i))
 }
 
 impl Weights {
@@ -481,41 +406,6 @@ pub fn input_tile<S: Simd, const A: usize>(
     }
 }
 
-/// `B^T d` for one line of inputs: the coefficients of the product of all `x - q`, `q` the other finite points.
-#[inline(always)]
-fn input_points<S: Simd, const A: usize>(simd: S, d: &[S::F32; A]) -> [S::F32; A] {
-    let count = const { (A - 2) / 2 };
-    let all = const { product(A, MAX_PAIRS) };
-    let others = const { [product(A, 0), product(A, 1), product(A, 2), product(A, 3)] };
-    let mut t = [simd.zero(); A];
-    t[0] = every_other::<S, A>(simd, &all, count + 1, d, 0);
-    t[A - 1] = every_other::<S, A>(simd, &all, count + 1, d, 1);
-    for p in 0..count {
-        let point = const { pairs(A) }[p];
-        let even = every_other::<S, A>(simd, &others[p], count, d, 2);
-        let odd = every_other::<S, A>(simd, &others[p], count, d, 1);
-        t[1 + 2 * p] = simd.mul_add(simd.splat(point), odd, even);
-        t[2 + 2 * p] = simd.mul_add(simd.splat(-point), odd, even);
-    }
-    t
-}
-
-/// Every other value of `d` from `first` on times its coefficient, of which the last is 1.
-#[inline(always)]
-fn every_other<S: Simd, const A: usize>(
-    simd: S,
-    coefficients: &[f32; MAX_PAIRS + 1],
-    terms: usize,
-    d: &[S::F32; A],
-    first: usize,
-) -> S::F32 {
-    let mut sum = d[first + 2 * terms - 2];
-    for k in 0..terms - 1 {
-        sum = simd.mul_add(simd.splat(coefficients[k]), d[first + 2 * k], sum);
-    }
-    sum
-}
-
 /// `M = V U` of one point, one block and one group: `[tiles, Cin] x [Cin, lanes]`, in one of the direct path's register tiles.
 #[inline(always)]
 fn multiply<S: Simd>(simd: S, tiles: usize, vectors: usize, v: &[f32], u: &[f32], m: &mut [f32]) {
@@ -583,21 +473,4 @@ fn output_tile<S: Simd, const A: usize, const M: usize>(
             }
         }
     }
-}
-
-/// `A^T m` for one line of products: `y[j] = sum over points of point^j m`.
-#[inline(always)]
-#[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
-fn output_values<S: Simd, const A: usize, const M: usize>(simd: S, m: &[S::F32; A]) -> [S::F32; M] {
-    let (count, powers) = const { ((A - 2) / 2, powers(A)) };
-    let mut y = [simd.zero(); M];
-    y[0] = m[0];
-    y[M - 1] = simd.add(y[M - 1], m[A - 1]);
-    for p in 0..count {
-        let (even, odd) = (simd.add(m[1 + 2 * p], m[2 + 2 * p]), simd.sub(m[1 + 2 * p], m[2 + 2 * p]));
-        for j in 0..M {
-            y[j] = simd.mul_add(simd.splat(powers[p][j]), if j % 2 == 0 { even } else { odd }, y[j]);
-        }
-    }
-    y
 }
