@@ -3,10 +3,13 @@
 
     python3 -m venv v && v/bin/pip install pymavlink
     v/bin/python tests/ground_station.py target/release/track-cpu
+    v/bin/python tests/ground_station.py target/release/track-cpu --soak 3600
 
 Pictures come from here, through standard input: a checkered target over a patchwork, which vanishes and comes back. Every
-check prints a line; the exit code is 1 if any fails. Not part of `cargo test`, which has the same dialogue in Rust.
+check prints a line; the exit code is 1 if any fails. Not part of `cargo test`, which has the same dialogue in Rust. A soak
+goes on with it for so many seconds over a link that loses every hundredth packet, and looks for stalls and leaks.
 """
+import argparse
 import os
 import random
 import socket
@@ -55,8 +58,8 @@ def patchwork():
 class Camera:
     """A running program and the pictures it is fed with."""
 
-    def __init__(self, program, *options):
-        self.port = free_port()
+    def __init__(self, program, *options, port=None):
+        self.port = port or free_port()
         self.empty, self.shown = patchwork()
         self.visible, self.ended = True, False
         command = [program, "serve", "--input", "-", "--raw", f"{WIDTH}x{HEIGHT}", "--pix", "bgr24", "--quiet"]
@@ -73,6 +76,11 @@ class Camera:
                 return
             time.sleep(1 / RATE)
 
+    def resident(self):
+        """Resident memory in MB."""
+        with open(f"/proc/{self.process.pid}/status") as status:
+            return next(int(line.split()[1]) for line in status if line.startswith("VmRSS")) / 1024
+
     def end(self):
         self.process.terminate()
         code = self.process.wait(timeout=20)
@@ -80,9 +88,43 @@ class Camera:
         return code
 
 
+class LossyLink:
+    """Carries datagrams between two ports and loses a share of them, both ways."""
+
+    def __init__(self, station, share):
+        self.port, self.station, self.share = free_port(), ("127.0.0.1", station), share
+        self.carried = self.lost = 0
+        self.inner, self.outer = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        self.inner.bind(("127.0.0.1", self.port))
+        self.outer.bind(("127.0.0.1", 0))
+        self.camera = None
+        for way in (self.to_station, self.to_camera):
+            threading.Thread(target=way, daemon=True).start()
+
+    def lose(self, chance):
+        lost = chance.random() < self.share
+        self.lost, self.carried = self.lost + lost, self.carried + (not lost)
+        return lost
+
+    def to_station(self):
+        chance = random.Random(1)
+        while True:
+            data, self.camera = self.inner.recvfrom(2048)
+            if not self.lose(chance):
+                self.outer.sendto(data, self.station)
+
+    def to_camera(self):
+        chance = random.Random(2)
+        while True:
+            data, _ = self.outer.recvfrom(2048)
+            if self.camera and not self.lose(chance):
+                self.inner.sendto(data, self.camera)
+
+
 class Station:
-    def __init__(self, camera, system=255):
-        self.link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{camera.port}", source_system=system, source_component=190)
+    def __init__(self, camera, system=255, port=None):
+        address = f"udpin:127.0.0.1:{port or camera.port}"
+        self.link = mavutil.mavlink_connection(address, source_system=system, source_component=190)
 
     def command(self, command, *parameters):
         self.link.mav.command_long_send(1, 100, command, 0, *(list(parameters) + [0] * (7 - len(parameters))))
@@ -177,13 +219,110 @@ def signing(program, folder):
     check("signed camera ends", camera.end() == 0)
 
 
+class Ear:
+    """Listens all the time: the last status, and the longest silence of each kind of message."""
+
+    def __init__(self, station):
+        self.station, self.status, self.acks = station, None, []
+        self.heard, self.silence, self.ended = {}, {}, False
+        threading.Thread(target=self.listen, daemon=True).start()
+
+    def listen(self):
+        while not self.ended:
+            message = self.station.link.recv_match(blocking=True, timeout=0.5)
+            if message is None:
+                continue
+            kind, now = message.get_type(), time.time()
+            before = self.heard.get(kind, now)
+            self.heard[kind], self.silence[kind] = now, max(self.silence.get(kind, 0), now - before)
+            if kind == "COMMAND_ACK":
+                self.acks.append((message.command, message.result))
+            if kind == "CAMERA_TRACKING_IMAGE_STATUS":
+                self.status = message.tracking_status
+
+    def until(self, holds, seconds):
+        end = time.time() + seconds
+        while time.time() < end:
+            if holds():
+                return True
+            time.sleep(0.05)
+        return False
+
+
+def soak(program, seconds, options):
+    """Rounds of start, hide, show again, noise, stop over a link that loses 1 % of the packets."""
+    station_port = free_port()
+    link = LossyLink(station_port, 0.01)
+    camera = Camera(program, *options, port=link.port)
+    station = Station(camera, port=station_port)
+    ear = Ear(station)
+    check("heartbeat over the lossy link", ear.until(lambda: "HEARTBEAT" in ear.heard, 30))
+    x, y, w, h = TARGET
+    rectangle = (x / WIDTH, y / HEIGHT, (x + w) / WIDTH, (y + h) / HEIGHT)
+    end, rounds, again, faults, memory = time.time() + seconds, 0, 0, [], []
+
+    def insist(command, *parameters):
+        """As ground stations do: again until acknowledged."""
+        for attempt in range(5):
+            ear.acks.clear()
+            station.command(command, *parameters)
+            if ear.until(lambda: any(ack[0] == command for ack in ear.acks), 3):
+                return attempt
+        faults.append(f"round {rounds}: command {command} never acknowledged")
+        return 5
+
+    def expect(what, holds, seconds=40):
+        if not ear.until(holds, seconds):
+            faults.append(f"round {rounds}: {what}, status {ear.status}")
+
+    while time.time() < end and len(faults) < 20:
+        rounds += 1
+        camera.visible = True
+        again += insist(M.MAV_CMD_REQUEST_MESSAGE, 259)
+        again += insist(M.MAV_CMD_CAMERA_TRACK_RECTANGLE, *rectangle)
+        again += insist(M.MAV_CMD_SET_MESSAGE_INTERVAL, 275, random.choice((50000, 100000, 500000)))
+        expect("never active", lambda: ear.status == 1)
+        time.sleep(6)
+        camera.visible = False
+        expect("never coasting", lambda: ear.status in (9, 2))
+        time.sleep(random.uniform(0, 8))
+        camera.visible = True
+        expect("never active again", lambda: ear.status == 1)
+        for _ in range(20):
+            station.link.write(os.urandom(random.randrange(1, 300)))
+        time.sleep(3)
+        again += insist(M.MAV_CMD_CAMERA_STOP_TRACKING)
+        expect("never idle", lambda: ear.status == 0)
+        memory.append(camera.resident())
+        if rounds % 10 == 1:
+            left = max(0, end - time.time())
+            print(f"        round {rounds}, {memory[-1]:.1f} MB, {left:.0f} s left", file=sys.stderr, flush=True)
+    ear.ended = True
+    for fault in faults:
+        print("        " + fault)
+    print(f"        {rounds} rounds, {link.lost} of {link.lost + link.carried} packets lost, {again} commands repeated")
+    check("every round ran as it should", not faults)
+    beat, status = (ear.silence.get(kind, 0) for kind in ("HEARTBEAT", "CAMERA_TRACKING_IMAGE_STATUS"))
+    check(f"no stall: longest silence {beat:.1f} s of heartbeats, {status:.1f} s of status", beat < 5 and status < 5)
+    warm = memory[len(memory) // 5 :]
+    check(f"no leak: {warm[0]:.1f} MB, in the end {warm[-1]:.1f}", warm[-1] < 1.02 * warm[0] + 1)
+    check("ends on SIGTERM", camera.end() == 0)
+
+
 def main():
     import tempfile
 
-    program = sys.argv[1] if len(sys.argv) > 1 else "target/release/track-cpu"
-    dialogue(program)
-    with tempfile.TemporaryDirectory() as folder:
-        signing(program, folder)
+    parser = argparse.ArgumentParser(description="A ground station against `track-cpu serve`.")
+    parser.add_argument("program", nargs="?", default="target/release/track-cpu")
+    parser.add_argument("--soak", type=float, metavar="SECONDS", help="only the soak, for so long")
+    parser.add_argument("--model", help="built-in model or weights file for the soak")
+    args = parser.parse_args()
+    if args.soak:
+        soak(args.program, args.soak, ["--model", args.model] if args.model else [])
+    else:
+        dialogue(args.program)
+        with tempfile.TemporaryDirectory() as folder:
+            signing(args.program, folder)
     print(f"{len(failures)} failed" if failures else "all passed")
     sys.exit(bool(failures))
 

@@ -16,7 +16,10 @@ const REACH: i32 = 8;
 const ITERATIONS: usize = 6;
 /// Cells this far from the target, as a share of the thumbnail's width, count half: the ground there moves otherwise.
 const NEAR: f64 = 0.25;
-/// Brightness differences beyond this, of 255, are taken for something that moves on its own.
+/// Standard deviation of the cells of every thumbnail, and the least that is raised to it.
+const CONTRAST: f32 = 40.0;
+const LEAST_CONTRAST: f32 = 4.0;
+/// Brightness differences beyond this are taken for something that moves on its own.
 const OUTLIER: f64 = 24.0;
 
 /// A similarity transform of frame positions from one frame to the next.
@@ -64,7 +67,7 @@ impl Motion {
     }
 }
 
-/// Mean brightness per cell.
+/// Brightness per cell, less the picture's mean and at the same contrast for all pictures: exposure may change at once.
 #[derive(Clone, Debug, Default)]
 struct Thumbnail {
     values: Vec<f32>,
@@ -95,6 +98,15 @@ impl Thumbnail {
                 self.values.push(sum as f32 / (4 * samples * samples) as f32);
             }
         }
+        self.normalise();
+    }
+
+    fn normalise(&mut self) {
+        let count = self.values.len().max(1) as f32;
+        let mean = self.values.iter().sum::<f32>() / count;
+        let variance = self.values.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / count;
+        let gain = CONTRAST / variance.sqrt().max(LEAST_CONTRAST);
+        self.values.iter_mut().for_each(|v| *v = gain * (*v - mean));
     }
 
     fn at(&self, column: usize, row: usize) -> f64 {

@@ -6,6 +6,7 @@
 
 use super::camera::Motion;
 use crate::bbox::CenterBox;
+use std::f64::consts::TAU;
 
 /// Standard deviation of the acceleration, in target sides per frame squared.
 const ACCELERATION: f64 = 0.008;
@@ -16,6 +17,18 @@ const MEASUREMENT: f64 = 0.05;
 /// The gate: so many target sides, for what the model of motion leaves out, and so many standard deviations.
 const SLACK: f64 = 1.2;
 const SIGMAS: f64 = 4.0;
+/// Predictions are mostly better than their variance says: by this factor,
+const USUAL: f64 = 0.33;
+/// but not always: share of those that are as bad.
+const RARE: f64 = 0.25;
+/// Least standard deviation of a prediction, in target sides.
+const LEAST: f64 = 0.3;
+/// Chance, per square of its side, that the target is anywhere.
+const ANYWHERE: f64 = 1e-4;
+/// Objects that look like the target, per square of its side.
+const LOOK_ALIKES: f64 = 0.03;
+/// Share of a new observation in the running mean of surprises.
+const AGILITY_RATE: f64 = 0.1;
 /// Share of the velocity that is kept per frame without a measurement: far predictions slow down.
 const KEPT_VELOCITY: f64 = 0.99;
 
@@ -52,6 +65,7 @@ pub(crate) struct Kalman {
     y: Axis,
     w: f64,
     h: f64,
+    agility: f64, // running mean of how far the target was from where it should be, in its sides
 }
 
 impl Kalman {
@@ -61,7 +75,7 @@ impl Kalman {
         let side = (w * h).sqrt();
         let variance = [(MEASUREMENT * side).powi(2), 0.0, (0.1 * side).powi(2)];
         let axis = |position: f32| Axis { position: position.into(), velocity: 0.0, variance };
-        Kalman { x: axis(bbox.cx), y: axis(bbox.cy), w, h }
+        Kalman { x: axis(bbox.cx), y: axis(bbox.cy), w, h, agility: 0.0 }
     }
 
     fn side(&self) -> f64 {
@@ -82,6 +96,7 @@ impl Kalman {
 
     /// Learns where the target was seen; the less `trust` in `(0, 1]`, the less it moves.
     pub(crate) fn correct(&mut self, bbox: &CenterBox, trust: f64) {
+        self.agility += AGILITY_RATE * trust * (self.distance(bbox) - self.agility);
         // A half hidden target's box is off by a good part of its side.
         let variance = (MEASUREMENT * self.side() / trust.powi(2).clamp(0.01, 1.0)).powi(2);
         self.x.correct(bbox.cx.into(), variance);
@@ -120,7 +135,22 @@ impl Kalman {
 
     /// How far from the prediction the target may be, in target sides: grows while it is not seen.
     pub(crate) fn gate(&self) -> f64 {
-        SLACK + SIGMAS * self.x.variance[0].max(self.y.variance[0]).sqrt() / self.side()
+        SLACK + SIGMAS * (self.spread() + self.agility)
+    }
+
+    /// Standard deviation of the prediction, in target sides.
+    pub(crate) fn spread(&self) -> f64 {
+        self.x.variance[0].max(self.y.variance[0]).sqrt() / self.side()
+    }
+
+    /// Log of how much likelier it is to find the target there than something that looks like it: by the distance from the
+    /// prediction, which is mostly better than its variance says, sometimes as bad, and rarely of no use at all.
+    pub(crate) fn log_ratio(&self, bbox: &CenterBox) -> f64 {
+        let (d, spread) = (self.distance(bbox), self.spread());
+        let density = |spread: f64| (-0.5 * (d / spread).powi(2)).exp() / (TAU * spread * spread);
+        let usual = density((USUAL * spread).max(LEAST));
+        let rare = density(spread.max(LEAST));
+        ((1.0 - RARE) * usual + RARE * rare + ANYWHERE).ln() - LOOK_ALIKES.ln()
     }
 
     /// Distance of a centre from the prediction, in target sides.
@@ -189,6 +219,24 @@ mod tests {
             kalman.predict(&Motion::default());
         }
         assert!(kalman.gate() > 4.0, "{}", kalman.gate());
+    }
+
+    #[test]
+    fn a_place_speaks_for_the_target_as_long_as_it_is_near_the_prediction() {
+        let mut kalman = Kalman::new(&at(100.0, 50.0));
+        for _ in 0..30 {
+            kalman.predict(&Motion::default());
+            kalman.correct(&at(100.0, 50.0), 1.0);
+        }
+        let away = |kalman: &Kalman, sides: f32| kalman.log_ratio(&at(100.0 + sides * 14.14, 50.0));
+        assert!(away(&kalman, 0.0) > 2.0 && away(&kalman, 3.0) < -4.0);
+        let soon = (away(&kalman, 0.0), away(&kalman, 3.0));
+        for _ in 0..60 {
+            kalman.predict(&Motion::default());
+        }
+        let late = (away(&kalman, 0.0), away(&kalman, 3.0));
+        assert!(late.0 < soon.0 && late.1 > soon.1, "{soon:?} {late:?}");
+        assert!(away(&kalman, 1000.0).is_finite());
     }
 
     #[test]

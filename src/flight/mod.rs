@@ -10,6 +10,7 @@
 //! | `options.rs` | options, states, results |
 //! | `evidence.rs`, `candidates.rs` | what the last search says about its choice and about other places |
 //! | `presence.rs` | evidence -> probability; coefficients travel with the weights |
+//! | `rivals.rs` | objects seen beside the target, which are not it |
 //! | `camera.rs`, `kalman.rs` | where the target should be: the picture's motion and the target's own |
 //! | `sweep.rs` | in which order the frame is searched for a lost target |
 
@@ -19,6 +20,7 @@ mod evidence;
 mod kalman;
 mod options;
 mod presence;
+mod rivals;
 mod search;
 mod sweep;
 
@@ -33,6 +35,7 @@ use camera::CameraMotion;
 use evidence::{Finding, Witness};
 use kalman::Kalman;
 use presence::Smoothed;
+use rivals::Rivals;
 use search::Tentative;
 use sweep::Sweep;
 
@@ -48,10 +51,13 @@ pub struct FlightTracker {
     options: FlightOptions,
     presence: Presence,
     witness: Witness,
+    rivals: Rivals,
     camera: CameraMotion,
     smoothed: Smoothed,
     kalman: Option<Kalman>,
     anchor: Option<Kalman>, // as it was when the target was surely seen, predicted since
+    before: Option<Kalman>, // what would have been found if the last re-acquisition was wrong; while that is fresh
+    fresh: u32,             // frames since the last re-acquisition
     next_anchor: Option<(Kalman, u32)>, // becomes the anchor if the target stays surely seen; age in frames
     state: State,
     frames_in_state: u32,
@@ -70,6 +76,10 @@ pub struct FlightTracker {
 const ANCHOR_AGE: u32 = 4;
 /// Frames of [`State::Reacquired`] before [`State::Tracking`].
 const FRESH: u32 = 10;
+/// Frames during which a re-acquisition may be taken back,
+const PROBATION: u32 = 30;
+/// and log-odds below which it is.
+const REFUTED: f64 = -2.0;
 /// A rival must have this share of the chosen box's score to be taken in its place,
 const RIVAL_SCORE: f32 = 0.5;
 /// and fall behind its similarity by no more than this.
@@ -94,10 +104,13 @@ impl FlightTracker {
             options,
             presence,
             witness: Witness::default(),
+            rivals: Rivals::default(),
             camera: CameraMotion::default(),
             smoothed: Smoothed::default(),
             kalman: None,
             anchor: None,
+            before: None,
+            fresh: 0,
             next_anchor: None,
             state: State::Tracking,
             frames_in_state: 0,
@@ -120,11 +133,12 @@ impl FlightTracker {
     pub fn init(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<(), TrackError> {
         self.tracker.init(frame, bbox)?;
         self.witness.reset();
+        self.rivals.clear();
         self.camera = CameraMotion::default();
         self.camera.observe(frame, None);
         self.smoothed = Smoothed::default();
         self.kalman = Some(Kalman::new(&bbox.center()));
-        (self.anchor, self.next_anchor) = (self.kalman, None);
+        (self.anchor, self.next_anchor, self.before) = (self.kalman, None, None);
         self.enter(State::Tracking);
         (self.faint, self.score, self.probability, self.evidence) = (0, 0.0, 1.0, None);
         self.give_up_search();
@@ -141,8 +155,10 @@ impl FlightTracker {
         let motion = self.camera.observe(frame, Some(&kalman.bbox()));
         kalman.predict(&motion);
         self.kalman = Some(kalman);
+        self.rivals.predict(&motion);
         let next = self.next_anchor.iter_mut().map(|(kalman, _)| kalman);
-        self.anchor.iter_mut().chain(next).for_each(|kalman| kalman.predict(&motion));
+        let before = self.before.iter_mut();
+        self.anchor.iter_mut().chain(next).chain(before).for_each(|kalman| kalman.predict(&motion));
         self.frames_in_state = self.frames_in_state.saturating_add(1);
         let searches = if self.state.is_seen() {
             self.follow(frame)?;
@@ -170,7 +186,10 @@ impl FlightTracker {
         };
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
         let mut bbox = track.bbox.center();
-        if self.options.recover && !self.is_within_reach(&finding.bbox) {
+        let jumped = self.options.recover && !self.is_within_reach(&finding.bbox);
+        if jumped && self.is_regained(&finding) {
+            self.kalman = Some(Kalman::new(&bbox));
+        } else if jumped {
             // Too far in one frame: another object, or the target behind one.
             let Some(other) = self.rival() else {
                 self.probability = self.probability.min(self.options.absent);
@@ -191,7 +210,12 @@ impl FlightTracker {
                 kalman.resize(&bbox);
             }
         }
-        self.drop_anchor(probability >= self.options.sure);
+        if self.is_refuted(&bbox, &finding) {
+            return Ok(());
+        }
+        let sure = probability >= self.options.sure;
+        self.recognise(sure);
+        self.drop_anchor(sure);
         if self.probability < self.options.absent {
             self.doubt();
             return Ok(());
@@ -206,6 +230,22 @@ impl FlightTracker {
             self.enter(State::Tracking);
         }
         Ok(())
+    }
+
+    /// Whether what was found again moves as the target never would have; it is then looked for once more.
+    fn is_refuted(&mut self, bbox: &CenterBox, finding: &Finding) -> bool {
+        let Some(before) = self.before else { return false };
+        self.fresh += 1;
+        if self.fresh > PROBATION {
+            self.before = None;
+        }
+        let refuted = self.presence.log_odds(&finding.evidence) + before.log_ratio(bbox) < REFUTED;
+        if refuted {
+            self.rivals.meet(bbox);
+            self.enter(State::Coasting);
+            (self.kalman, self.anchor, self.before) = (Some(before), Some(before), None);
+        }
+        refuted
     }
 
     /// Remembers the motion from a while before the last frame in which the target was surely seen: in those just before it
@@ -244,9 +284,24 @@ impl FlightTracker {
         near.max_by(|a, b| a.score.total_cmp(&b.score)).map(|c| c.bbox.center())
     }
 
+    /// Whether a box that jumped is on the target once more, after frames in which it could hardly be seen.
+    fn is_regained(&self, finding: &Finding) -> bool {
+        let away = self.kalman.map_or(0.0, |kalman| kalman.distance(&finding.bbox));
+        self.state == State::LowConfidence
+            && self.presence.alone(&finding.evidence) >= self.options.absent
+            && !self.rivals.claim(&finding.bbox, away)
+    }
+
     /// Whether the target can be there, for all that is known of its motion.
     fn is_within_reach(&self, bbox: &CenterBox) -> bool {
         self.kalman.is_none_or(|kalman| kalman.distance(bbox) <= kalman.gate())
+    }
+
+    /// Looks for known rivals among the last search's candidates, and for new ones where the target was surely `seen`.
+    fn recognise(&mut self, seen: bool) {
+        if let Some(kalman) = &self.kalman {
+            self.rivals.observe(&self.witness.candidates, kalman, seen);
+        }
     }
 
     fn judge(&mut self, expected: bool) -> Option<Finding> {

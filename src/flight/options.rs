@@ -69,7 +69,7 @@ impl FlightOptions {
             config: model.config(),
             present: 0.5,
             sure: 0.8,
-            absent: 0.05,
+            absent: 0.03,
             patience: 8,
             coast: 30,
             confirm: 3,

@@ -1,6 +1,7 @@
 //! Finding a target that is not where it should be.
 
 use super::camera::Motion;
+use super::evidence::Finding;
 use super::kalman::Kalman;
 use super::presence::Smoothed;
 use super::{Budget, FlightTracker, State};
@@ -19,6 +20,10 @@ pub(super) struct Tentative {
 
 /// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
 const TILE_SHARE: f64 = 120.0 / 303.0;
+/// Frames of coasting during which whatever looks like the target
+const SOON: u32 = 10;
+/// this far from where it should be, in its sides, is another object.
+const FAR: f64 = 2.0;
 /// Most places that wait for a closer look.
 const MAX_LEADS: usize = 8;
 
@@ -80,14 +85,32 @@ impl FlightTracker {
         let Some(finding) = self.judge(true) else { return Ok(false) };
         self.score = finding.score;
         self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
-        let promising = self.presence.alone(&finding.evidence) >= self.options.present
-            && self.is_within_reach(&finding.bbox);
+        self.recognise(false);
+        let promising = self.belief(&finding) >= 0.0;
         if promising {
             let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
             let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..predicted };
             self.tentative = Some(Tentative { bbox, confirmed: 1, needed });
         }
         Ok(promising)
+    }
+
+    /// Log-odds that what was found is the target, by its looks and by its place.
+    fn belief(&self, finding: &Finding) -> f64 {
+        let Some(kalman) = self.kalman else { return f64::NEG_INFINITY };
+        if self.rivals.claim(&finding.bbox, kalman.distance(&finding.bbox)) {
+            return f64::NEG_INFINITY;
+        }
+        self.presence.log_odds(&finding.evidence) + kalman.log_ratio(&finding.bbox)
+    }
+
+    /// Something that looks like the target, but is where it cannot be so soon, is a rival.
+    fn suspect(&mut self, finding: &Finding) {
+        let away = self.kalman.map_or(0.0, |kalman| kalman.distance(&finding.bbox));
+        let alike = self.presence.alone(&finding.evidence) >= self.options.present;
+        if alike && self.state == State::Coasting && self.frames_in_state <= SOON && away >= FAR {
+            self.rivals.meet(&finding.bbox);
+        }
     }
 
     /// Looks at the sweep's next tile, in a wider region, and keeps what it finds there as a lead.
@@ -103,8 +126,10 @@ impl FlightTracker {
         let Some(((cx, cy), zoom)) = tile else { return Ok(()) };
         self.tracker.look(frame, CenterBox { cx, cy, ..size }, zoom, 0.0)?;
         let Some(finding) = self.judge(false) else { return Ok(()) };
+        self.recognise(false);
+        self.suspect(&finding);
         if self.is_within_reach(&finding.bbox) {
-            let odds = self.presence.log_odds(&finding.evidence);
+            let odds = self.belief(&finding);
             self.leads.push((odds, CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..size }));
             self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
             let excess = self.leads.len().saturating_sub(MAX_LEADS);
@@ -130,7 +155,8 @@ impl FlightTracker {
         self.tracker.place(tentative.bbox);
         let track = self.tracker.update(frame)?;
         let Some(finding) = self.judge(false) else { return Ok(false) };
-        if self.presence.alone(&finding.evidence) < self.options.present {
+        self.recognise(false);
+        if self.belief(&finding) < 0.0 {
             back.into_iter().for_each(|bbox| self.tracker.place(bbox));
             return Ok(false);
         }
@@ -140,6 +166,7 @@ impl FlightTracker {
             self.tentative = Some(tentative);
             return Ok(false);
         }
+        (self.before, self.fresh) = (self.kalman, 0);
         self.kalman = Some(Kalman::new(&tentative.bbox));
         (self.anchor, self.next_anchor) = (self.kalman, None);
         self.smoothed = Smoothed::default();
