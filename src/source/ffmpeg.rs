@@ -13,6 +13,9 @@ use std::thread::JoinHandle;
 /// How much of its error output is kept: the end, where the reason stands.
 const KEPT_BYTES: usize = 1000;
 
+/// Streams that do not wait; others may be films, of which every frame counts.
+const LIVE: [&str; 5] = ["rtsp://", "rtmp://", "udp://", "tcp://", "srt://"];
+
 /// A running ffmpeg; killed when dropped.
 pub(super) struct Ffmpeg {
     child: Arc<Mutex<Child>>,
@@ -36,7 +39,12 @@ impl Ffmpeg {
     pub(super) fn decode(program: &OsStr, location: &OsStr) -> Result<(Ffmpeg, ChildStdout), String> {
         let mut command = Command::new(program);
         command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
-        if location.to_str().is_some_and(|text| text.starts_with("rtsp://")) {
+        let has_scheme = |scheme: &str| location.to_str().is_some_and(|text| text.starts_with(scheme));
+        if LIVE.into_iter().any(has_scheme) {
+            // Frames now, rather than five seconds of looking what else there is in the stream.
+            command.args(["-fflags", "nobuffer", "-analyzeduration", "1000000"]);
+        }
+        if has_scheme("rtsp://") {
             command.args(["-rtsp_transport", "tcp"]); // UDP loses packets, and whole frames with them
         }
         command.arg("-i").arg(location);
