@@ -168,6 +168,16 @@ mod tests {
         CenterBox { cx, cy, w: 20.0, h: 10.0 }
     }
 
+    /// A target that was seen to stand still for 30 frames.
+    fn standing() -> Kalman {
+        let mut kalman = Kalman::new(&at(100.0, 50.0));
+        for _ in 0..30 {
+            kalman.predict(&Motion::default());
+            kalman.correct(&at(100.0, 50.0), 1.0);
+        }
+        kalman
+    }
+
     #[test]
     fn learns_a_velocity_and_goes_on_with_it() {
         let mut kalman = Kalman::new(&at(100.0, 50.0));
@@ -208,11 +218,7 @@ mod tests {
 
     #[test]
     fn the_gate_opens_while_nothing_is_seen() {
-        let mut kalman = Kalman::new(&at(100.0, 50.0));
-        for _ in 0..30 {
-            kalman.predict(&Motion::default());
-            kalman.correct(&at(100.0, 50.0), 1.0);
-        }
+        let mut kalman = standing();
         let seen = kalman.gate();
         assert!((SLACK..2.0).contains(&seen), "{seen}");
         for _ in 0..60 {
@@ -223,11 +229,7 @@ mod tests {
 
     #[test]
     fn a_place_speaks_for_the_target_as_long_as_it_is_near_the_prediction() {
-        let mut kalman = Kalman::new(&at(100.0, 50.0));
-        for _ in 0..30 {
-            kalman.predict(&Motion::default());
-            kalman.correct(&at(100.0, 50.0), 1.0);
-        }
+        let mut kalman = standing();
         let away = |kalman: &Kalman, sides: f32| kalman.log_ratio(&at(100.0 + sides * 14.14, 50.0));
         assert!(away(&kalman, 0.0) > 2.0 && away(&kalman, 3.0) < -4.0);
         let soon = (away(&kalman, 0.0), away(&kalman, 3.0));

@@ -56,8 +56,7 @@ pub struct FlightTracker {
     smoothed: Smoothed,
     kalman: Option<Kalman>,
     anchor: Option<Kalman>, // as it was when the target was surely seen, predicted since
-    before: Option<Kalman>, // what would have been found if the last re-acquisition was wrong; while that is fresh
-    fresh: u32,             // frames since the last re-acquisition
+    probation: Option<(Kalman, u32)>, // of the last re-acquisition: what was looked for, as predicted since; age in frames
     next_anchor: Option<(Kalman, u32)>, // becomes the anchor if the target stays surely seen; age in frames
     state: State,
     frames_in_state: u32,
@@ -109,8 +108,7 @@ impl FlightTracker {
             smoothed: Smoothed::default(),
             kalman: None,
             anchor: None,
-            before: None,
-            fresh: 0,
+            probation: None,
             next_anchor: None,
             state: State::Tracking,
             frames_in_state: 0,
@@ -138,7 +136,7 @@ impl FlightTracker {
         self.camera.observe(frame, None);
         self.smoothed = Smoothed::default();
         self.kalman = Some(Kalman::new(&bbox.center()));
-        (self.anchor, self.next_anchor, self.before) = (self.kalman, None, None);
+        (self.anchor, self.next_anchor, self.probation) = (self.kalman, None, None);
         self.enter(State::Tracking);
         (self.faint, self.score, self.probability, self.evidence) = (0, 0.0, 1.0, None);
         self.give_up_search();
@@ -156,9 +154,8 @@ impl FlightTracker {
         kalman.predict(&motion);
         self.kalman = Some(kalman);
         self.rivals.predict(&motion);
-        let next = self.next_anchor.iter_mut().map(|(kalman, _)| kalman);
-        let before = self.before.iter_mut();
-        self.anchor.iter_mut().chain(next).chain(before).for_each(|kalman| kalman.predict(&motion));
+        let aged = self.next_anchor.iter_mut().chain(&mut self.probation).map(|(kalman, _)| kalman);
+        self.anchor.iter_mut().chain(aged).for_each(|kalman| kalman.predict(&motion));
         self.frames_in_state = self.frames_in_state.saturating_add(1);
         let searches = if self.state.is_seen() {
             self.follow(frame)?;
@@ -210,7 +207,7 @@ impl FlightTracker {
                 kalman.resize(&bbox);
             }
         }
-        if self.is_refuted(&bbox, &finding) {
+        if self.take_back(&bbox, &finding) {
             return Ok(());
         }
         let sure = probability >= self.options.sure;
@@ -232,18 +229,15 @@ impl FlightTracker {
         Ok(())
     }
 
-    /// Whether what was found again moves as the target never would have; it is then looked for once more.
-    fn is_refuted(&mut self, bbox: &CenterBox, finding: &Finding) -> bool {
-        let Some(before) = self.before else { return false };
-        self.fresh += 1;
-        if self.fresh > PROBATION {
-            self.before = None;
-        }
+    /// Takes the last re-acquisition back if what was found moves as the target never would have; `true` if so.
+    fn take_back(&mut self, bbox: &CenterBox, finding: &Finding) -> bool {
+        let Some((before, age)) = self.probation else { return false };
+        self.probation = (age < PROBATION).then_some((before, age + 1));
         let refuted = self.presence.log_odds(&finding.evidence) + before.log_ratio(bbox) < REFUTED;
         if refuted {
             self.rivals.meet(bbox);
             self.enter(State::Coasting);
-            (self.kalman, self.anchor, self.before) = (Some(before), Some(before), None);
+            (self.kalman, self.anchor, self.probation) = (Some(before), Some(before), None);
         }
         refuted
     }
@@ -286,10 +280,14 @@ impl FlightTracker {
 
     /// Whether a box that jumped is on the target once more, after frames in which it could hardly be seen.
     fn is_regained(&self, finding: &Finding) -> bool {
-        let away = self.kalman.map_or(0.0, |kalman| kalman.distance(&finding.bbox));
         self.state == State::LowConfidence
             && self.presence.alone(&finding.evidence) >= self.options.absent
-            && !self.rivals.claim(&finding.bbox, away)
+            && !self.rivals.claim(&finding.bbox, self.away(&finding.bbox))
+    }
+
+    /// Distance from where the target should be, in its sides.
+    fn away(&self, bbox: &CenterBox) -> f64 {
+        self.kalman.map_or(0.0, |kalman| kalman.distance(bbox))
     }
 
     /// Whether the target can be there, for all that is known of its motion.

@@ -98,7 +98,7 @@ impl FlightTracker {
     /// Log-odds that what was found is the target, by its looks and by its place.
     fn belief(&self, finding: &Finding) -> f64 {
         let Some(kalman) = self.kalman else { return f64::NEG_INFINITY };
-        if self.rivals.claim(&finding.bbox, kalman.distance(&finding.bbox)) {
+        if self.rivals.claim(&finding.bbox, self.away(&finding.bbox)) {
             return f64::NEG_INFINITY;
         }
         self.presence.log_odds(&finding.evidence) + kalman.log_ratio(&finding.bbox)
@@ -106,7 +106,7 @@ impl FlightTracker {
 
     /// Something that looks like the target, but is where it cannot be so soon, is a rival.
     fn suspect(&mut self, finding: &Finding) {
-        let away = self.kalman.map_or(0.0, |kalman| kalman.distance(&finding.bbox));
+        let away = self.away(&finding.bbox);
         let alike = self.presence.alone(&finding.evidence) >= self.options.present;
         if alike && self.state == State::Coasting && self.frames_in_state <= SOON && away >= FAR {
             self.rivals.meet(&finding.bbox);
@@ -166,7 +166,7 @@ impl FlightTracker {
             self.tentative = Some(tentative);
             return Ok(false);
         }
-        (self.before, self.fresh) = (self.kalman, 0);
+        self.probation = self.kalman.map(|kalman| (kalman, 0));
         self.kalman = Some(Kalman::new(&tentative.bbox));
         (self.anchor, self.next_anchor) = (self.kalman, None);
         self.smoothed = Smoothed::default();

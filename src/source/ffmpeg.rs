@@ -4,6 +4,7 @@
 //! Frames keep their order and number: they are stamped 1/25 s apart and asked for at 25 a second, which no version
 //! of ffmpeg answers by dropping or repeating any (`-vsync` is gone since 9.0 and `-fps_mode` new in 5.1).
 
+use super::LIVE_SCHEMES;
 use std::ffi::OsStr;
 use std::io::{ErrorKind, Read};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
@@ -12,9 +13,6 @@ use std::thread::JoinHandle;
 
 /// How much of its error output is kept: the end, where the reason stands.
 const KEPT_BYTES: usize = 1000;
-
-/// Streams that do not wait; others may be films, of which every frame counts.
-const LIVE: [&str; 5] = ["rtsp://", "rtmp://", "udp://", "tcp://", "srt://"];
 
 /// A running ffmpeg; killed when dropped.
 pub(super) struct Ffmpeg {
@@ -40,7 +38,7 @@ impl Ffmpeg {
         let mut command = Command::new(program);
         command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
         let has_scheme = |scheme: &str| location.to_str().is_some_and(|text| text.starts_with(scheme));
-        if LIVE.into_iter().any(has_scheme) {
+        if LIVE_SCHEMES.into_iter().any(has_scheme) {
             // Frames now, rather than five seconds of looking what else there is in the stream.
             command.args(["-fflags", "nobuffer", "-analyzeduration", "1000000"]);
         }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
 use track_cpu::ChannelOrder;
-use track_cpu::source::{Image, Input, RawFormat, Source};
+use track_cpu::source::{Image, Input, LIVE_SCHEMES, RawFormat, Source};
 
 use super::slot::{Shot, Slot};
 
@@ -46,8 +46,7 @@ impl Feed {
             return Ok(Feed::Camera(input.to_path_buf(), camera_size));
         }
         let source = Input { raw, ..Input::new(input) };
-        let live = ["rtsp://", "rtmp://", "udp://", "tcp://", "srt://", "http://", "https://"];
-        if live.iter().any(|scheme| text.starts_with(scheme)) {
+        if LIVE_SCHEMES.iter().chain(&["http://", "https://"]).any(|scheme| text.starts_with(scheme)) {
             return Ok(Feed::Stream(source));
         }
         let piped = text == "-" || std::fs::metadata(input).is_ok_and(|m| !m.is_file() && !m.is_dir());
