@@ -65,10 +65,20 @@ impl Panel {
         self.lines.iter().flat_map(|line| &line.points)
     }
 
+    /// The highest that a point may lie, what it may be off included.
+    fn top(&self) -> f64 {
+        let spread = |line: &Line, i: usize| line.spread.get(i).copied().unwrap_or(0.0);
+        let tops = |line: &Line| {
+            let tops = line.points.iter().enumerate().map(|(i, (_, y))| y + spread(line, i));
+            tops.fold(self.low, f64::max)
+        };
+        self.lines.iter().map(tops).fold(self.low + 1e-6, f64::max)
+    }
+
     // Writing to a string cannot fail, so what it returns is dropped.
     fn draw(&self, svg: &mut String, top: f64) {
         let (first, last) = self.reach();
-        let high = self.points().map(|(_, y)| *y).fold(self.low, f64::max).max(self.low + 1e-6);
+        let high = self.top();
         let levels = levels(self.low, high);
         let high = levels.last().map_or(high, |(level, _)| level.max(high));
         let place = |(x, y): (f64, f64)| {
@@ -145,6 +155,7 @@ mod tests {
         let svg = svg(&[panel, Panel::default()]);
         assert_eq!((svg.matches("<polyline").count(), svg.matches("<circle").count()), (1, 2));
         assert!(svg.contains("a&lt;b 60.000") && svg.contains(">two<") && svg.contains(">40<"));
+        assert!(svg.contains(">65<"), "the spread has room");
         let labels = |low, high| levels(low, high).into_iter().map(|(_, label)| label).collect::<Vec<_>>();
         assert_eq!(labels(50.0, 89.7), ["50", "60", "70", "80", "90"]);
         assert_eq!(labels(0.0, 1.31), ["0.0", "0.5", "1.0", "1.5"]);

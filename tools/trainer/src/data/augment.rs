@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Strengths and probabilities of all changes. The presets are [`none`](Self::none) (spec section 3.2 and nothing else),
+/// Strengths and probabilities of all changes; those that older checkpoints do not name are 0. The presets are [`none`](Self::none) (spec section 3.2 and nothing else),
 /// [`light`](Self::light) and [`strong`](Self::strong).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Augment {
@@ -22,6 +22,9 @@ pub struct Augment {
     pub shared_color: f32,
     /// Probability that the search crop differs from the template in light and colour; twice that for stills.
     pub own_color: f32,
+    /// Probability that light falls on the search picture from one side.
+    #[serde(default)]
+    pub side_light: f32,
     /// Probability of gray crops.
     pub gray: f32,
     /// Probability of crops with more or less colour.
@@ -40,6 +43,15 @@ pub struct Augment {
     pub low_resolution: f32,
     /// Probability of pasted look-alikes in the search picture.
     pub distractors: f32,
+    /// Share of the look-alikes that are of the target's own kind, where its data tell kinds apart.
+    #[serde(default)]
+    pub kin: f32,
+    /// Probability that what lies outside the search picture is filled from another one, of the target's kind if that is known.
+    #[serde(default)]
+    pub beside: f32,
+    /// Probability that something made up is round and turns between the pictures.
+    #[serde(default)]
+    pub round: f32,
     /// Probability of something pasted over a part of the target.
     pub occluder: f32,
 }
@@ -56,6 +68,7 @@ impl Augment {
             aspect: 0.0,
             shared_color: 0.0,
             own_color: 0.0,
+            side_light: 0.0,
             gray: 0.0,
             saturation: 0.0,
             invert: 0.0,
@@ -65,6 +78,9 @@ impl Augment {
             jpeg: 0.0,
             low_resolution: 0.0,
             distractors: 0.0,
+            kin: 0.0,
+            beside: 0.0,
+            round: 0.0,
             occluder: 0.0,
         }
     }
@@ -77,6 +93,7 @@ impl Augment {
             aspect: 0.02,
             shared_color: 0.4,
             own_color: 0.2,
+            side_light: 0.05,
             gray: 0.1,
             saturation: 0.15,
             blur: 0.06,
@@ -85,6 +102,9 @@ impl Augment {
             jpeg: 0.06,
             low_resolution: 0.15,
             distractors: 0.1,
+            kin: 0.5,
+            beside: 0.3,
+            round: 0.5,
             occluder: 0.03,
             ..Augment::none()
         }
@@ -99,6 +119,7 @@ impl Augment {
             aspect: 0.035,
             shared_color: 0.7,
             own_color: 0.35,
+            side_light: 0.15,
             gray: 0.15,
             saturation: 0.3,
             invert: 0.03,
@@ -107,8 +128,11 @@ impl Augment {
             noise: 0.12,
             jpeg: 0.12,
             low_resolution: 0.3,
-            distractors: 0.3,
-            occluder: 0.08,
+            distractors: 0.35,
+            kin: 0.5,
+            beside: 0.6,
+            round: 0.5,
+            occluder: 0.1,
             ..Augment::none()
         }
     }

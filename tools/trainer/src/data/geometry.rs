@@ -78,9 +78,11 @@ pub fn template(view: &View, pose: Pose) -> Vec<u8> {
 /// A search crop of `size` pixels, `[size, size, 3]` BGR, and the target's corners in it.
 ///
 /// Scale, place, and as far as `augment` says angle and aspect are random; a `still` (a frame paired with itself) is
-/// turned and stretched more. The whole box lies within the crop, or nothing is changed.
+/// turned and stretched more. The whole box lies within the crop, or nothing is changed. What lies outside the picture is
+/// filled from `beside`, the surroundings of some other target; without it with the picture's border colour.
 pub fn search(
     view: &View,
+    beside: Option<&View>,
     pose: Pose,
     size: usize,
     still: bool,
@@ -95,11 +97,38 @@ pub fn search(
         let corners = corners(&view.bbox, &matrix, jitter.shift, size);
         let inside = |v: &f32| (0.0..=(size - 1) as f32).contains(v);
         if corners.iter().all(inside) {
-            return (cut(view, &matrix, jitter.shift, size), corners);
+            let mut crop = cut(view, &matrix, jitter.shift, size);
+            if let Some(other) = beside {
+                let grid = grid(&view.bbox, &matrix, jitter.shift, size);
+                fill_outside(&mut crop, &grid, &view.picture, || surroundings(other, pose, size, rng));
+            }
+            return (crop, corners);
         }
     }
     let matrix = pose.matrix(scale, &STILL);
     (cut(view, &matrix, [0.0; 2], size), corners(&view.bbox, &matrix, [0.0; 2], size))
+}
+
+/// A search crop with the target anywhere, within it or beyond its edge.
+fn surroundings(view: &View, pose: Pose, size: usize, rng: &mut Rng) -> Vec<u8> {
+    let BBox { w, h, .. } = view.bbox;
+    let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE) * f64::from(rng.factor(0.3));
+    let reach = size as f32 / 2.0;
+    let shift = [rng.range(-reach, reach), rng.range(-reach, reach)].map(f64::from);
+    cut(view, &pose.matrix(scale, &STILL), shift, size)
+}
+
+/// Replaces what lies outside the picture, if there is such.
+fn fill_outside(crop: &mut [u8], grid: &Grid, picture: &Picture, other: impl FnOnce() -> Vec<u8>) {
+    let end = grid.side - 1;
+    if [(0, 0), (end, 0), (0, end), (end, end)].iter().all(|(x, y)| grid.meets(picture, *x, *y)) {
+        return; // pictures are convex
+    }
+    for (i, (pixel, other)) in crop.chunks_exact_mut(3).zip(other().chunks_exact(3)).enumerate() {
+        if !grid.meets(picture, i % grid.side, i / grid.side) {
+            pixel.copy_from_slice(other);
+        }
+    }
 }
 
 fn jitter(size: usize, still: bool, augment: &Augment, rng: &mut Rng) -> Jitter {
@@ -114,17 +143,20 @@ fn jitter(size: usize, still: bool, augment: &Augment, rng: &mut Rng) -> Jitter 
 
 /// Samples the crop whose pixel `centre + shift` is the box's centre.
 fn cut(view: &View, matrix: &Matrix, shift: [f64; 2], side: usize) -> Vec<u8> {
-    let centre = view.bbox.center();
+    warp(&view.picture, &grid(&view.bbox, matrix, shift, side))
+}
+
+fn grid(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Grid {
+    let centre = bbox.center();
     let reach = (side - 1) as f64 / 2.0;
     let from = [-reach - shift[0], -reach - shift[1]]; // crop pixel (0, 0)
     let origin = [0, 1].map(|k| matrix[k][0] * from[0] + matrix[k][1] * from[1]);
-    let grid = Grid {
+    Grid {
         origin: [origin[0] + f64::from(centre.cx), origin[1] + f64::from(centre.cy)],
         across: [matrix[0][0], matrix[1][0]],
         down: [matrix[0][1], matrix[1][1]],
         side,
-    };
-    warp(&view.picture, &grid)
+    }
 }
 
 /// The target's box in the crop: that of the ellipse within its box, which a small turn changes as it changes most
@@ -200,7 +232,7 @@ mod tests {
                     for bbox in [BBox::new(60.0, 50.0, 37.0, 21.0), BBox::new(2.0, 3.0, 16.0, 30.0)] {
                         let pose = Pose { quarters, mirrored };
                         let view = view(bbox);
-                        let (crop, corners) = search(&view, pose, size, true, &augment, &mut rng);
+                        let (crop, corners) = search(&view, None, pose, size, true, &augment, &mut rng);
                         for (found, expected) in bright(&crop, size).iter().zip(corners) {
                             let error = (found - expected).abs();
                             assert!(error < 2.5, "{found}, expected {expected} at {pose:?} {bbox:?}");
@@ -231,8 +263,26 @@ mod tests {
                 [(best % side) as f32 - middle, (best / side) as f32 - middle]
             };
             let z = centre(&template(&view, pose), 127);
-            let x = centre(&search(&view, pose, 303, false, &quiet, &mut Rng::new(0, 0, 0)).0, 303);
+            let x = centre(&search(&view, None, pose, 303, false, &quiet, &mut Rng::new(0, 0, 0)).0, 303);
             assert!((z[0] - x[0]).abs() < 2.0 && (z[1] - x[1]).abs() < 2.0, "{pose:?}: {z:?} {x:?}");
+        }
+    }
+
+    #[test]
+    fn what_lies_outside_comes_from_beside() {
+        let paint = |value| View {
+            picture: Arc::new(Picture::new(60, 60, vec![value; 3 * 60 * 60])),
+            bbox: BBox::new(20.0, 20.0, 20.0, 20.0),
+        };
+        let (view, other) = (paint(90), paint(30));
+        for i in 0..20 {
+            let mut rng = Rng::new(i, 0, 0);
+            let pose = Pose { quarters: i as u8 % 4, mirrored: i % 3 == 0 };
+            let (crop, corners) = search(&view, Some(&other), pose, 303, true, &Augment::strong(), &mut rng);
+            let dark = crop.iter().filter(|v| **v == 30).count();
+            assert!(dark > crop.len() / 8 && crop.iter().all(|v| [30, 90].contains(v)), "{dark}");
+            let middle = [0, 1].map(|k| (corners[k] + corners[k + 2]) as usize / 2);
+            assert_eq!(crop[(middle[1] * 303 + middle[0]) * 3], 90);
         }
     }
 
@@ -244,7 +294,7 @@ mod tests {
         let (mut sizes, mut places) = (Vec::new(), Vec::new());
         for _ in 0..300 {
             let (_, [x0, y0, x1, y1]) =
-                search(&view, Pose::default(), 303, false, &Augment::none(), &mut rng);
+                search(&view, None, Pose::default(), 303, false, &Augment::none(), &mut rng);
             sizes.push(f64::from(x1 - x0 + 1.0) / side);
             places.extend([f64::from(x0 + x1) / 2.0 - 151.0, f64::from(y0 + y1) / 2.0 - 151.0]);
         }

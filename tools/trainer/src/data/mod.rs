@@ -43,7 +43,7 @@ use skipped::Skipped;
 use spec::{DataSpec, What};
 use std::path::Path;
 use std::sync::Arc;
-use tracks::{Tracks, running};
+use tracks::{Shot, Target, Tracks, running};
 
 /// How pairs are made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,6 +124,8 @@ struct Pair {
     still: bool,
     /// How many distractors belong to it.
     distractors: usize,
+    /// Which target it is of, if other targets of its kind are known.
+    target: Option<(usize, Target)>, // with the number of the source
 }
 
 impl Dataset {
@@ -153,7 +155,7 @@ impl Dataset {
         let names = specs.iter().map(DataSpec::to_string).collect();
         let cumulative = running(specs.iter().map(|spec| spec.share));
         let dataset = Dataset { options, album, sources, names, cumulative, material };
-        for (source, spec) in dataset.sources.iter().zip(specs) {
+        for (source, spec) in specs.iter().enumerate() {
             if !dataset.is_readable(source) {
                 let (data, what) = (spec.to_string(), "readable picture".to_owned());
                 return Err(Error::NoData { data, what, skipped: dataset.unreadable() });
@@ -163,9 +165,9 @@ impl Dataset {
     }
 
     /// Whether a pair can be made of a source, within a good number of tries.
-    fn is_readable(&self, source: &Source) -> bool {
+    fn is_readable(&self, source: usize) -> bool {
         let mut rng = Rng::new(self.options.seed, 0x7e57, 0);
-        matches!(source, Source::Flights(_))
+        matches!(self.sources[source], Source::Flights(_))
             || (0..TRIES).any(|_| self.pair_of(source, 0, &mut rng).is_some())
     }
 
@@ -195,6 +197,7 @@ impl Dataset {
         self.populate(&mut pair, index, &mut rng);
 
         let augment = &self.options.augment;
+        let beside = rng.chance(augment.beside).then(|| self.beside(&pair, index, &mut rng));
         let quarter = augment.quarter * if pair.still { 2.0 } else { 1.0 };
         let pose = Pose {
             quarters: if rng.chance(quarter) { 1 + rng.below(3) as u8 } else { 0 },
@@ -203,7 +206,7 @@ impl Dataset {
         let template = geometry::template(other.as_ref().unwrap_or(&pair.first), pose);
         let again = geometry::template(&pair.second, pose);
         let (search, corners) =
-            geometry::search(&pair.second, pose, search_size, pair.still, augment, &mut rng);
+            geometry::search(&pair.second, beside.as_ref(), pose, search_size, pair.still, augment, &mut rng);
         let crops = [template, search, again];
         let [template, search, again] = photo::develop(crops, pair.still, augment, &mut rng);
         Sample { template, search, again, search_size, corners, negative, source }
@@ -221,22 +224,21 @@ impl Dataset {
     fn pair(&self, index: u64, rng: &mut Rng) -> (usize, Pair) {
         for _ in 0..TRIES {
             let source = rng.weighted(&self.cumulative);
-            if let Some(pair) = self.pair_of(&self.sources[source], index, rng) {
+            if let Some(pair) = self.pair_of(source, index, rng) {
                 return (source, pair);
             }
         }
         panic!("no readable picture in {TRIES} tries");
     }
 
-    fn pair_of(&self, source: &Source, index: u64, rng: &mut Rng) -> Option<Pair> {
-        let pair = |first, second, still| Some(Pair { first, second, still, distractors: 0 });
-        match source {
+    fn pair_of(&self, source: usize, index: u64, rng: &mut Rng) -> Option<Pair> {
+        let pair = |first, second, still| Some(Pair { first, second, still, distractors: 0, target: None });
+        match &self.sources[source] {
             Source::Tracks(tracks) => {
-                let (track, first, second) = tracks.draw_pair(rng);
-                let view = |shot: tracks::Shot| {
-                    Some(View { picture: self.album.get(shot.picture)?, bbox: shot.bbox })
-                };
-                pair(view(first)?, view(second)?, track.shots.len() == 1)
+                let (target, [first, second]) = tracks.draw_pair(rng);
+                let still = tracks.track(target).shots.len() == 1;
+                let pair = pair(self.view(first)?, self.view(second)?, still)?;
+                Some(Pair { target: Some((source, target)), ..pair })
             }
             Source::Flights(flights) => {
                 let (first, second) = flights.draw_pair(index, rng)?;
@@ -253,11 +255,34 @@ impl Dataset {
                 let first = self.album.get(*rng.pick(pictures))?;
                 let same = rng.chance(0.6);
                 let second = if same { first.clone() } else { self.album.get(*rng.pick(pictures))? };
-                let cutout = self.cutout(pictures, rng)?;
+                let mut cutout = self.cutout(pictures, rng)?;
+                if rng.chance(self.options.augment.round) {
+                    cutout = cutout.rounded(rng);
+                }
                 let (first, second) = paste::made_up_pair([&first, &second], &cutout, rng)?;
-                Some(Pair { first, second, still: true, distractors: *rng.pick(&[0, 0, 1, 1, 2, 3]) })
+                let distractors = *rng.pick(&[0, 0, 1, 1, 2, 3]);
+                Some(Pair { first, second, still: true, distractors, target: None })
             }
         }
+    }
+
+    fn view(&self, shot: Shot) -> Option<View> {
+        Some(View { picture: self.album.get(shot.picture)?, bbox: shot.bbox })
+    }
+
+    /// Another target of the same kind.
+    fn kin(&self, target: Option<(usize, Target)>, rng: &mut Rng) -> Option<View> {
+        let (source, target) = target?;
+        let Source::Tracks(tracks) = &self.sources[source] else { return None };
+        let kin = tracks.draw_kin(target, rng)?;
+        self.view(*rng.pick(&kin.shots))
+    }
+
+    /// A target to fill the search crop up with: one of the same kind but in another picture, or any other.
+    fn beside(&self, pair: &Pair, index: u64, rng: &mut Rng) -> View {
+        let kin = self.kin(pair.target.filter(|_| pair.still), rng);
+        let elsewhere = kin.filter(|view| !Arc::ptr_eq(&view.picture, &pair.first.picture));
+        elsewhere.unwrap_or_else(|| self.pair(index, rng).1.first)
     }
 
     /// Something cut out of one of some pictures.
@@ -280,10 +305,16 @@ impl Dataset {
         }
         let mut picture = Picture::clone(&pair.second.picture);
         let bbox = pair.second.bbox;
-        // Half of the look-alikes are parts of pictures, half are other targets.
-        let next = |rng: &mut Rng| match self.material.is_empty() || rng.chance(0.5) {
-            true => Some(Cutout::of(&self.pair(index, rng).1.first, rng)),
-            false => self.cutout(&self.material, rng),
+        // A part are of the target's kind; of the others half are parts of pictures, half are other targets.
+        let target = pair.target;
+        let next = |rng: &mut Rng| {
+            if let Some(view) = self.kin(target.filter(|_| rng.chance(augment.kin)), rng) {
+                return Some(Cutout::of(&view, rng));
+            }
+            match self.material.is_empty() || rng.chance(0.5) {
+                true => Some(Cutout::of(&self.pair(index, rng).1.first, rng)),
+                false => self.cutout(&self.material, rng),
+            }
         };
         paste::distractors(&mut picture, &bbox, count, next, rng);
         if occluded && let Some(cutout) = next(rng) {

@@ -5,7 +5,7 @@ use super::photo::{apply, curves};
 use super::picture::Picture;
 use super::warp::blend;
 use crate::rng::Rng;
-use std::f32::consts::TAU;
+use std::f32::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 use track_cpu::BBox;
 
@@ -17,6 +17,41 @@ pub struct Cutout {
     half: [f32; 2],   // half width and height, likewise
     outline: Outline,
     curves: Option<Box<[[u8; 256]; 3]>>,
+    body: Option<Body>,
+}
+
+/// A ball that the picture is wrapped around; what lies beside the cut-out part comes into view as it turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Body {
+    /// How far it is turned about its upright and its level axis, in radians.
+    turned: [f32; 2],
+    /// Where light comes from: right, down, towards the viewer; of length 1.
+    light: [f32; 3],
+}
+
+impl Body {
+    fn random(rng: &mut Rng) -> Body {
+        let (height, round) = (rng.range(0.3, 1.0), rng.range(0.0, TAU));
+        let flat = (1.0 - height * height).sqrt();
+        Body { turned: [0.0; 2], light: [flat * round.cos(), flat * round.sin(), height] }
+    }
+
+    /// The same body some time later.
+    fn later(self, rng: &mut Rng) -> Body {
+        Body { turned: [rng.range(-1.0, 1.0), rng.range(-0.4, 0.4)], ..self }
+    }
+
+    /// Where the picture that is wrapped around the body is seen at a place within the outline, in half sizes from its
+    /// centre, and how bright it is there.
+    fn look(&self, u: f32, v: f32) -> ([f32; 2], f32) {
+        let z = (1.0 - u * u - v * v).max(0.0).sqrt();
+        let facing = u * self.light[0] + v * self.light[1] + z * self.light[2];
+        let ((sin, cos), (rise, level)) = (self.turned[0].sin_cos(), self.turned[1].sin_cos());
+        let (x, z) = (u * cos + z * sin, z * cos - u * sin);
+        let (y, z) = (v * level + z * rise, z * level - v * rise);
+        let at = [x.atan2(z) / FRAC_PI_2, y.clamp(-1.0, 1.0).asin() / FRAC_PI_2];
+        (at, 0.6 + 0.5 * facing.max(0.0))
+    }
 }
 
 /// An outline around the origin, in `-1..1` both ways.
@@ -78,7 +113,13 @@ impl Cutout {
             half: [view.bbox.w / 2.0, view.bbox.h / 2.0],
             outline: Outline::random(rng),
             curves: rng.chance(0.5).then(|| Box::new(curves(rng, 0.35, 0.3, 0.15))),
+            body: None,
         }
+    }
+
+    /// The same thing as something round.
+    pub fn rounded(self, rng: &mut Rng) -> Cutout {
+        Cutout { body: Some(Body::random(rng)), ..self }
     }
 
     /// Width over height.
@@ -131,6 +172,7 @@ impl Cutout {
 
     /// Colour at a place within the outline.
     fn sample(&self, u: f32, v: f32) -> [u8; 3] {
+        let ([u, v], brightness) = self.body.map_or(([u, v], 1.0), |body| body.look(u, v));
         let Picture { width, height, data, .. } = &*self.picture;
         let x = (self.centre[0] + u * self.half[0]).clamp(0.0, (width - 1) as f32);
         let y = (self.centre[1] + v * self.half[1]).clamp(0.0, (height - 1) as f32);
@@ -142,7 +184,7 @@ impl Cutout {
         if let Some(curves) = &self.curves {
             apply(&mut color, curves);
         }
-        color
+        color.map(|value| (f32::from(value) * brightness) as u8)
     }
 }
 
@@ -239,13 +281,14 @@ pub fn made_up_pair(backgrounds: [&Arc<Picture>; 2], cutout: &Cutout, rng: &mut 
     let angle = if rng.chance(0.6) { rng.range(-0.25, 0.25) } else { 0.0 };
     let grown = rng.factor(0.2);
     let other = [size[0] * stretch * grown, size[1] / stretch * grown];
-    let view = |background: &Arc<Picture>, place: &Place| {
+    let later = Cutout { body: cutout.body.map(|body| body.later(rng)), ..cutout.clone() };
+    let view = |cutout: &Cutout, background: &Arc<Picture>, place: &Place| {
         let mut picture = Picture::clone(background);
         let bbox = cutout.paste(&mut picture, place)?;
         Some(View { picture: Arc::new(picture), bbox })
     };
-    let first = view(backgrounds[0], &Place { centre: first, size, angle: 0.0 })?;
-    let second = view(backgrounds[1], &Place { centre: second, size: other, angle })?;
+    let first = view(cutout, backgrounds[0], &Place { centre: first, size, angle: 0.0 })?;
+    let second = view(&later, backgrounds[1], &Place { centre: second, size: other, angle })?;
     Some((first, second))
 }
 
@@ -293,6 +336,20 @@ mod tests {
             let bbox = cutout.paste(&mut canvas, &place).unwrap();
             assert_eq!(bbox, BBox::new(30.0, 21.0, 30.0, 20.0));
         }
+    }
+
+    #[test]
+    fn a_ball_shows_its_picture_and_turns() {
+        let front = Body { turned: [0.0; 2], light: [0.0, 0.0, 1.0] };
+        assert_eq!(front.look(0.0, 0.0), ([0.0; 2], 1.1));
+        let ([right, level], dim) = front.look(1.0, 0.0);
+        assert!((right - 1.0).abs() < 1e-6 && level == 0.0 && (dim - 0.6).abs() < 1e-6);
+        // Turned by a quarter about its upright axis, what was at the rim is in the middle.
+        let turned = Body { turned: [FRAC_PI_2, 0.0], ..front };
+        assert!((turned.look(0.0, 0.0).0[0] - 1.0).abs() < 1e-6);
+        assert!((turned.look(-1.0, 0.0).0[0]).abs() < 1e-6);
+        let nodding = Body { turned: [0.0, FRAC_PI_2], ..front };
+        assert!((nodding.look(0.0, 0.0).0[1] - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::augment::Augment;
 use super::filters;
 use crate::rng::Rng;
-use std::f32::consts::PI;
+use std::f32::consts::{PI, TAU};
 
 /// A new value for each value of each channel.
 type Curves = [[u8; 256]; 3];
@@ -16,6 +16,7 @@ pub fn develop(crops: [Vec<u8>; 3], still: bool, augment: &Augment, rng: &mut Rn
     let shared = rng.chance(augment.shared_color).then(|| curves(rng, 0.3, 0.25, 0.12));
     let own_chance = augment.own_color * if still { 2.0 } else { 1.0 };
     let own = rng.chance(own_chance).then(|| curves(rng, 0.2, 0.2, 0.06));
+    let ramp = rng.chance(augment.side_light).then(|| (rng.range(0.0, TAU), rng.range(0.15, 0.6)));
     let saturation = if rng.chance(augment.gray) {
         Some(0.0)
     } else {
@@ -35,6 +36,9 @@ pub fn develop(crops: [Vec<u8>; 3], still: bool, augment: &Augment, rng: &mut Rn
         }
         if let Some(curves) = own.as_ref().filter(|_| number > 0) {
             apply(&mut crop, curves);
+        }
+        if let Some((angle, reach)) = ramp.filter(|_| number > 0) {
+            side_light(&mut crop, side, angle, reach);
         }
         if let Some(share) = saturation {
             saturate(&mut crop, share);
@@ -65,6 +69,18 @@ pub fn apply(image: &mut [u8], curves: &Curves) {
     for pixel in image.chunks_exact_mut(3) {
         for (value, curve) in pixel.iter_mut().zip(curves) {
             *value = curve[usize::from(*value)];
+        }
+    }
+}
+
+/// Brighter by the share `reach` at one side of the crop, darker at the other.
+fn side_light(image: &mut [u8], side: usize, angle: f32, reach: f32) {
+    let (sin, cos) = angle.sin_cos();
+    let place = |i: usize| 2.0 * i as f32 / side as f32 - 1.0;
+    for (y, row) in image.chunks_exact_mut(3 * side).enumerate() {
+        for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
+            let gain = 1.0 + reach * (cos * place(x) + sin * place(y)).clamp(-1.0, 1.0);
+            pixel.iter_mut().for_each(|value| *value = (f32::from(*value) * gain) as u8); // saturates
         }
     }
 }
@@ -134,6 +150,14 @@ mod tests {
             let [z, x, again] = develop(same.clone(), false, &own, &mut rng);
             assert!(z == same[0] && x == again);
         }
+    }
+
+    #[test]
+    fn light_from_the_right() {
+        let mut image = vec![100; 21 * 21 * 3];
+        side_light(&mut image, 21, 0.0, 0.5);
+        let at = |x: usize| image[(7 * 21 + x) * 3];
+        assert!((50..55).contains(&at(0)) && (97..100).contains(&at(10)) && (143..150).contains(&at(20)));
     }
 
     #[test]

@@ -29,6 +29,13 @@ pub struct Track {
     pub shots: Vec<Shot>,
 }
 
+/// Number of a track among [`Tracks`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Target {
+    group: usize,
+    track: usize,
+}
+
 /// Tracks in groups. A group counts as the square root of its frames and a track within it likewise, so that neither one
 /// long video nor a thousand near-equal stills crowd out the rest.
 #[derive(Clone, Debug, Default)]
@@ -129,17 +136,32 @@ impl Tracks {
         self.groups.iter().flat_map(|group| &group.tracks).map(|track| track.shots.len()).sum()
     }
 
-    /// A track.
-    pub fn draw(&self, rng: &mut Rng) -> &Track {
-        let group = &self.groups[rng.weighted(&self.cumulative)];
-        &group.tracks[rng.weighted(&group.cumulative)]
+    /// The track of a number.
+    ///
+    /// Panics if the number is another collection's.
+    pub fn track(&self, target: Target) -> &Track {
+        &self.groups[target.group].tracks[target.track]
     }
 
-    /// Two frames of one track, by the rules.
-    pub fn draw_pair(&self, rng: &mut Rng) -> (&Track, Shot, Shot) {
-        let track = self.draw(rng);
-        let (first, second) = self.rules.draw(rng, &track.shots);
-        (track, first, second)
+    /// A track.
+    pub fn draw(&self, rng: &mut Rng) -> Target {
+        self.draw_of(rng.weighted(&self.cumulative), rng)
+    }
+
+    fn draw_of(&self, group: usize, rng: &mut Rng) -> Target {
+        Target { group, track: rng.weighted(&self.groups[group].cumulative) }
+    }
+
+    /// Another track of the same group; mostly `None` where one track is almost all of it.
+    pub fn draw_kin(&self, target: Target, rng: &mut Rng) -> Option<&Track> {
+        let kin = self.draw_of(target.group, rng);
+        (kin != target).then(|| self.track(kin))
+    }
+
+    /// A track and two of its frames, by the rules.
+    pub fn draw_pair(&self, rng: &mut Rng) -> (Target, [Shot; 2]) {
+        let target = self.draw(rng);
+        (target, self.rules.draw(rng, &self.track(target).shots).into())
     }
 }
 
@@ -175,9 +197,13 @@ mod tests {
         assert_eq!(skipped.count(), 1);
         assert_eq!((tracks.len(), tracks.shots(), album.len()), (901, 1000, 1000));
         let mut rng = Rng::new(1, 1, 1);
-        let videos = (0..4000).filter(|_| tracks.draw(&mut rng).name == "one").count();
+        let videos = (0..4000).filter(|_| tracks.track(tracks.draw(&mut rng)).name == "one").count();
         assert!((850..1150).contains(&videos), "{videos} of 4000, expected a quarter");
-        let video = (0..).map(|_| tracks.draw(&mut rng)).find(|track| track.name == "one").unwrap();
-        assert!(video.shots.is_sorted_by_key(|shot| shot.number));
+        let video = (0..).map(|_| tracks.draw(&mut rng)).find(|t| tracks.track(*t).name == "one").unwrap();
+        assert!(tracks.draw_kin(video, &mut rng).is_none(), "the only one of its group");
+        let still = (0..).map(|_| tracks.draw(&mut rng)).find(|t| t.group != video.group).unwrap();
+        let kin = tracks.draw_kin(still, &mut rng).unwrap();
+        assert!(kin.name.starts_with("stills") && kin.name != tracks.track(still).name);
+        assert!(tracks.track(video).shots.is_sorted_by_key(|shot| shot.number));
     }
 }

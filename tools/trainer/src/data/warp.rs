@@ -18,6 +18,15 @@ pub struct Grid {
     pub side: usize,
 }
 
+impl Grid {
+    /// Whether an output pixel lies within a picture.
+    pub fn meets(&self, picture: &Picture, column: usize, row: usize) -> bool {
+        let at = |k: usize| self.origin[k] + self.across[k] * column as f64 + self.down[k] * row as f64;
+        let within = |at: f64, limit: usize| (0.0..=(limit - 1) as f64).contains(&at);
+        within(at(0), picture.width) && within(at(1), picture.height)
+    }
+}
+
 /// Samples `picture` on `grid`.
 pub fn warp(picture: &Picture, grid: &Grid) -> Vec<u8> {
     let mut out = vec![0; grid.side * grid.side * 3];
