@@ -3,9 +3,9 @@
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker, Presence};
 use track_cpu::{BBox, Frame, Model, State};
 
-use scenes::Truth;
+use scenes::{Difficulty, Truth};
 
-use crate::flights::{GONE, OFF, ON, bbox, each_seed, is_on, play};
+use crate::flights::{GONE, OFF, ON, bbox, difficulty, each_seed, is_on, play};
 use crate::measure::{auroc, reliability};
 use crate::{EvaluateArgs, Failure, load};
 
@@ -17,6 +17,8 @@ const WRONG_FRAMES: u32 = 15;
 const ABSENCE: usize = 5;
 /// Share visible from which the target must be tracked.
 const CLEAR: f32 = 0.5;
+/// Frames without an overlap that end a crossing.
+const APART: usize = 15;
 
 /// What one frame came to.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +29,9 @@ struct Moment {
     presence: f64,
     state: State,
     believed: bool,
-    other: bool, // the box is on a look-alike
+    other: bool,   // the box is on a look-alike
+    outside: bool, // the target's centre is not in the view
+    crossed: bool, // a look-alike's box overlaps the target's
 }
 
 /// What one flight came to.
@@ -58,19 +62,22 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
                 println!("{} {visible:.2} {iou:.2} {:.3} {state}{other}", index + 1, m.presence);
             }
         }
-        let (returns, found) = returns(&outcome.flight);
+        let found = Count::sum(returns(&outcome.flight).into_iter());
         let line = |moments: &[Moment]| format!("{:.3}", mean_iou(moments));
         let (flight, paper) = (line(&outcome.flight), line(&outcome.paper));
         let wrong = if locks_wrong(&outcome.flight) { "  wrong target" } else { "" };
-        println!(
-            "seed {}: IoU {flight}, paper {paper}; found again {found} of {returns}{wrong}",
-            outcome.seed
-        );
+        println!("seed {}: IoU {flight}, paper {paper}; found again {found}{wrong}", outcome.seed);
     }
-    for (name, pick) in [("paper", 0), ("flight", 1)] {
-        let moments: Vec<&[Moment]> =
-            outcomes.iter().map(|o| if pick == 0 { &o.paper[..] } else { &o.flight[..] }).collect();
-        summarise(name, &moments);
+    let parts = [Some(Difficulty::Medium), Some(Difficulty::Hard), None];
+    for part in parts {
+        let of = |outcome: &&Outcome| part.is_none_or(|part| difficulty(outcome.seed) == part);
+        let label = part.map_or("all".into(), |part| format!("{part:?}").to_lowercase());
+        let paper: Vec<_> = outcomes.iter().filter(of).map(|o| &o.paper[..]).collect();
+        let flight: Vec<_> = outcomes.iter().filter(of).map(|o| &o.flight[..]).collect();
+        if !paper.is_empty() {
+            summarise(&format!("{label}, paper"), &paper);
+            summarise(&format!("{label}, flight"), &flight);
+        }
     }
     Ok(())
 }
@@ -103,6 +110,9 @@ fn moment(
     let track = tracker.update(frame, Budget::Searches(searches))?;
     let iou = track.bbox.iou(&bbox(&truth.bbox));
     let on_other = |b: &BBox| b.iou(&track.bbox) >= ON;
+    let (target, centre) = (bbox(&truth.bbox), bbox(&truth.bbox).center());
+    let within =
+        (0.0..frame.width() as f32).contains(&centre.cx) && (0.0..frame.height() as f32).contains(&centre.cy);
     Ok(Moment {
         visible: truth.visible,
         iou,
@@ -111,6 +121,8 @@ fn moment(
         state: track.state,
         believed: track.state.is_seen() && track.presence >= 0.5,
         other: iou < OFF && truth.distractors.iter().map(bbox).any(|b| on_other(&b)),
+        outside: !within,
+        crossed: within && truth.distractors.iter().map(bbox).any(|b| b.iou(&target) > 0.0),
     })
 }
 
@@ -119,22 +131,67 @@ fn mean_iou(moments: &[Moment]) -> f64 {
     seen.iter().sum::<f64>() / seen.len().max(1) as f64
 }
 
-/// Returns of a target that was tracked before it went, and how many of them were found again in time.
-fn returns(moments: &[Moment]) -> (usize, usize) {
-    let (mut returns, mut found, mut at) = (0, 0, 0);
+/// How often something happened, and how often it ended well or badly.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Count {
+    times: usize,
+    hits: usize,
+}
+
+impl Count {
+    fn add(&mut self, hit: bool) {
+        self.times += 1;
+        self.hits += usize::from(hit);
+    }
+
+    fn sum(counts: impl Iterator<Item = Count>) -> Count {
+        counts.fold(Count::default(), |a, b| Count { times: a.times + b.times, hits: a.hits + b.hits })
+    }
+}
+
+impl std::fmt::Display for Count {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} of {}", self.hits, self.times)
+    }
+}
+
+/// Returns of a target that was tracked before it went, and how many of them were found again in time: from outside the
+/// view, and from behind something.
+fn returns(moments: &[Moment]) -> [Count; 2] {
+    let mut counts = [Count::default(); 2];
+    let mut at = 0;
     while at < moments.len() {
         let gone = moments[at..].iter().take_while(|m| m.visible <= CLEAR).count();
-        let truly = moments[at..at + gone].iter().filter(|m| m.visible <= GONE).count();
+        let (absence, back) = moments[at..].split_at(gone);
+        let truly = absence.iter().filter(|m| m.visible <= GONE).count();
         let tracked = moments[at.saturating_sub(10)..at].iter().any(|m| m.on == Some(true));
-        let back = &moments[at + gone..];
         if truly >= ABSENCE && tracked && back.len() >= RETURN_FRAMES {
-            returns += 1;
             let again = back[..RETURN_FRAMES].iter().any(|m| m.on == Some(true) && m.believed);
-            found += usize::from(again);
+            let from = usize::from(!absence.iter().any(|m| m.outside));
+            counts[from].add(again);
         }
         at += gone.max(1);
     }
-    (returns, found)
+    counts
+}
+
+/// Look-alikes that came across a target that was tracked, and how many of them were followed in its place within two seconds.
+fn crossings(moments: &[Moment]) -> Count {
+    let mut count = Count::default();
+    let mut at = 0;
+    while let Some(begin) = moments[at..].iter().position(|m| m.crossed).map(|i| at + i) {
+        let mut end = begin; // last frame of the crossing
+        while let Some(next) = moments[end + 1..].iter().take(APART).position(|m| m.crossed) {
+            end += 1 + next;
+        }
+        let before = &moments[begin.saturating_sub(5)..=begin];
+        if before.iter().any(|m| m.on == Some(true) && m.believed) {
+            let until = (end + RETURN_FRAMES).min(moments.len());
+            count.add(locks_wrong(&moments[begin..until]));
+        }
+        at = end + 1;
+    }
+    count
 }
 
 fn locks_wrong(moments: &[Moment]) -> bool {
@@ -159,7 +216,8 @@ fn summarise(name: &str, flights: &[&[Moment]]) {
     let tracked = |m: &&Moment| m.visible > CLEAR && m.on == Some(true);
     let false_lost = share(&tracked, &|m| !m.believed);
     let missed = share(&|m| m.visible <= GONE, &|m| m.believed);
-    let (returns, found) = flights.iter().map(|f| returns(f)).fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let returns = [0, 1].map(|from| Count::sum(flights.iter().map(|f| returns(f)[from])));
+    let crossings = Count::sum(flights.iter().map(|f| crossings(f)));
     let wrong = flights.iter().filter(|f| locks_wrong(f)).count();
     let iou = flights.iter().map(|f| mean_iou(f)).sum::<f64>() / flights.len().max(1) as f64;
     let shown = |a: Option<f64>| a.map_or("none".into(), |a| format!("{a:.4}"));
@@ -167,7 +225,11 @@ fn summarise(name: &str, flights: &[&[Moment]]) {
     println!("AUROC on/off target {}, visible/gone {}", shown(auroc(&labelled)), shown(auroc(&gone)));
     println!("frames on the target but not believed {:.2} %", 100.0 * false_lost);
     println!("frames without the target but believed {:.2} %", 100.0 * missed);
-    println!("returns found again within {RETURN_FRAMES} frames: {found} of {returns}");
+    println!(
+        "found again within {RETURN_FRAMES} frames of a return: into the view {}, from behind something {}",
+        returns[0], returns[1]
+    );
+    println!("look-alikes that crossed the target and were followed in its place: {crossings}");
     println!("flights locked on another object for {WRONG_FRAMES} frames: {wrong} of {}", flights.len());
     println!("{}", reliability(&labelled));
 }
@@ -186,6 +248,8 @@ mod tests {
             state: State::Tracking,
             believed,
             other: iou < OFF,
+            outside: false,
+            crossed: false,
         }
     }
 
@@ -194,11 +258,32 @@ mod tests {
         let (there, away) = ([moment(1.0, 0.8, true); 20], [moment(0.0, 0.0, false); 10]);
         let back = [[moment(1.0, 0.0, false); 30], [moment(1.0, 0.7, true); 30]].concat();
         let good = [&there[..], &away, &back].concat();
-        assert_eq!(returns(&good), (1, 1));
+        let count = |times, hits| Count { times, hits };
+        assert_eq!(returns(&good), [count(0, 0), count(1, 1)]);
         let never = [&there[..], &away, &[moment(1.0, 0.0, false); 60]].concat();
-        assert_eq!(returns(&never), (1, 0));
+        assert_eq!(returns(&never), [count(0, 0), count(1, 0)]);
         let short = [&there[..], &away[..3], &back].concat();
-        assert_eq!(returns(&short), (0, 0));
+        assert_eq!(returns(&short), [Count::default(); 2]);
+        let outside = away.map(|m| Moment { outside: true, ..m });
+        assert_eq!(returns(&[&there[..], &outside, &back].concat()), [count(1, 1), count(0, 0)]);
+    }
+
+    #[test]
+    fn counts_crossings() {
+        let there = [moment(1.0, 0.8, true); 10];
+        let met = [Moment { crossed: true, ..there[0] }; 5];
+        let wrong = [moment(1.0, 0.0, true); 20];
+        let kept = [&there[..], &met, &there, &met, &there, &there, &met].concat();
+        assert_eq!(crossings(&kept), Count { times: 2, hits: 0 });
+        assert_eq!(crossings(&[&there[..], &met, &wrong].concat()), Count { times: 1, hits: 1 });
+        let late = [&there[..], &met, &[there; 6].concat(), &wrong].concat();
+        assert_eq!(crossings(&late), Count { times: 1, hits: 0 });
+        assert_eq!(
+            crossings(
+                &[&[moment(1.0, 0.0, false); 9][..], &met.map(|m| Moment { on: Some(false), ..m })].concat()
+            ),
+            Count::default()
+        );
     }
 
     #[test]

@@ -34,16 +34,27 @@ pub fn is_on(found: &BBox, truth: &Truth) -> Option<bool> {
     }
 }
 
+/// How hard the flight of a seed is: two of three are hard.
+pub fn difficulty(seed: u64) -> Difficulty {
+    if seed.is_multiple_of(3) { Difficulty::Medium } else { Difficulty::Hard }
+}
+
 /// Shows every frame of a flight to `each`.
 pub fn play(
     args: &FlightArgs,
     seed: u64,
     mut each: impl FnMut(usize, &Frame<'_>, &Truth) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let difficulty = if seed.is_multiple_of(3) { Difficulty::Medium } else { Difficulty::Hard };
     let (width, height) = (args.width.clamp(64, 4096), args.width.clamp(64, 4096) * 9 / 16);
     let frames = args.frames.clamp(2, 100_000);
-    let flight = Flight::new(FlightConfig { width, height, frames, seed, difficulty, ..Default::default() });
+    let flight = Flight::new(FlightConfig {
+        width,
+        height,
+        frames,
+        seed,
+        difficulty: difficulty(seed),
+        ..Default::default()
+    });
     let mut buffer = FrameBuffer::default();
     for index in 0..frames {
         let truth = flight.render(index, &mut buffer);
