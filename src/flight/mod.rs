@@ -42,7 +42,7 @@ use sweep::Sweep;
 pub use candidates::{Candidate, MAX_CANDIDATES};
 pub use evidence::{COUNT as EVIDENCE_COUNT, Evidence, NAMES as EVIDENCE_NAMES};
 pub use options::{Budget, FlightOptions, FlightTrack, State};
-pub use presence::{NOTE as PRESENCE_NOTE, Presence, PresenceError};
+pub use presence::{NOTE as PRESENCE_NOTE, Presence, PresenceError, Weighing};
 
 /// Follows one object and says whether it is there.
 #[derive(Debug)]
@@ -198,7 +198,7 @@ impl FlightTracker {
             self.tracker.place(bbox);
         }
         // The smoothed presence lags where the target is just being hidden.
-        let probability = self.probability.min(self.presence.alone(&finding.evidence));
+        let probability = self.probability.min(self.presence.look.alone(&finding.evidence));
         if let Some(kalman) = &mut self.kalman {
             if probability >= self.options.absent {
                 kalman.correct(&bbox, probability);
@@ -233,7 +233,7 @@ impl FlightTracker {
     fn take_back(&mut self, bbox: &CenterBox, finding: &Finding) -> bool {
         let Some((before, age)) = self.probation else { return false };
         self.probation = (age < PROBATION).then_some((before, age + 1));
-        let refuted = self.presence.log_odds(&finding.evidence) + before.log_ratio(bbox) < REFUTED;
+        let refuted = self.presence.again.log_odds(&finding.evidence) + before.log_ratio(bbox) < REFUTED;
         if refuted {
             self.rivals.meet(bbox);
             self.enter(State::Coasting);
@@ -281,7 +281,7 @@ impl FlightTracker {
     /// Whether a box that jumped is on the target once more, after frames in which it could hardly be seen.
     fn is_regained(&self, finding: &Finding) -> bool {
         self.state == State::LowConfidence
-            && self.presence.alone(&finding.evidence) >= self.options.absent
+            && self.presence.look.alone(&finding.evidence) >= self.options.absent
             && !self.rivals.claim(&finding.bbox, self.away(&finding.bbox))
     }
 

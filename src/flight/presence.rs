@@ -15,13 +15,22 @@ const DEFAULT: &str = include_str!("presence.txt");
 /// Largest magnitude of a coefficient that is believed.
 const MOST: f64 = 1e3;
 
-/// A logistic model of presence.
+/// What one look's evidence is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Presence {
+pub struct Weighing {
     /// Log-odds without any evidence.
     pub bias: f64,
     /// Log-odds per unit of evidence, in the order of [`NAMES`].
     pub weights: [f64; COUNT],
+}
+
+/// A logistic model of presence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Presence {
+    /// Of a look at a target that was seen just before.
+    pub look: Weighing,
+    /// Of a look for one that has been gone for a while: what it last looked like says less then.
+    pub again: Weighing,
     /// Share of the frame before in the smoothed log-odds, in `[0, 1)`.
     pub memory: f64,
     /// Stretches the smoothed log-odds, so that they are calibrated.
@@ -55,7 +64,8 @@ impl Presence {
             .map_or_else(|| Presence::parse(DEFAULT), |note| Presence::parse(note))
     }
 
-    /// Reads lines of `name value`: `bias`, `memory`, `gain`, `shift` and every name of [`NAMES`], each once.
+    /// Reads lines of `name value`: `bias`, `memory`, `gain`, `shift` and every name of [`NAMES`], each once; then, or not at
+    /// all, `again.bias` and every name with `again.` before it. Without these a look is always weighed alike.
     ///
     /// # Errors
     /// Names the first field that is missing, unknown, twice there, or not a number of bounded size.
@@ -65,11 +75,11 @@ impl Presence {
             found: found.chars().take(40).collect(),
             expected,
         };
-        let others = ["bias", "memory", "gain", "shift"];
-        let mut values = [None; COUNT + 4];
+        let names = names();
+        let mut values = vec![None; names.len()];
         for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
             let (name, number) = line.split_once(' ').unwrap_or((line, ""));
-            let index = others.iter().chain(&NAMES).position(|known| *known == name);
+            let index = names.iter().position(|known| known == name);
             let index = index.ok_or_else(|| wrong(name, "unknown", "a known name"))?;
             let value: Option<f64> = number.trim().parse().ok().filter(|v: &f64| v.abs() <= MOST);
             let value = value.ok_or_else(|| wrong(name, number, "a number of at most 1000"))?;
@@ -77,28 +87,42 @@ impl Presence {
                 return Err(wrong(name, "there twice", "one line"));
             }
         }
-        let mut numbers = [0.0; COUNT + 4];
-        for ((number, value), name) in numbers.iter_mut().zip(values).zip(others.iter().chain(&NAMES)) {
-            *number = value.ok_or_else(|| wrong(name, "missing", "a line with its value"))?;
+        let (first, again) = values.split_at_mut(COUNT + 4);
+        if again.iter().all(Option::is_none) {
+            again[0] = first[3];
+            again[1..].copy_from_slice(&first[4..]);
         }
-        let [bias, memory, gain, shift, weights @ ..] = numbers;
+        let mut numbers = Vec::with_capacity(names.len());
+        for (value, name) in values.iter().zip(&names) {
+            numbers.push(value.ok_or_else(|| wrong(name, "missing", "a line with its value"))?);
+        }
+        let [memory, gain, shift] = [numbers[0], numbers[1], numbers[2]];
+        let weighing = |from: usize| Weighing {
+            bias: numbers[from],
+            weights: std::array::from_fn(|i| numbers[from + 1 + i]),
+        };
+        let (look, again) = (weighing(3), weighing(COUNT + 4));
         if !(0.0..1.0).contains(&memory) {
             return Err(wrong("memory", &memory.to_string(), "a number in [0, 1)"));
         }
         if gain <= 0.0 {
             return Err(wrong("gain", &gain.to_string(), "a number above 0"));
         }
-        Ok(Presence { bias, weights, memory, gain, shift })
+        Ok(Presence { look, again, memory, gain, shift })
     }
 
     /// The lines that [`parse`](Self::parse) reads.
     pub fn to_text(&self) -> String {
-        let others =
-            [("bias", self.bias), ("memory", self.memory), ("gain", self.gain), ("shift", self.shift)];
-        let weights = NAMES.into_iter().zip(self.weights);
-        others.into_iter().chain(weights).map(|(name, value)| format!("{name} {value}\n")).collect()
+        let mut values = vec![self.memory, self.gain, self.shift];
+        for weighing in [&self.look, &self.again] {
+            values.push(weighing.bias);
+            values.extend(weighing.weights);
+        }
+        names().iter().zip(values).map(|(name, value)| format!("{name} {value}\n")).collect()
     }
+}
 
+impl Weighing {
     /// Log-odds of one look on its own.
     pub fn log_odds(&self, evidence: &Evidence) -> f64 {
         self.bias + self.weights.iter().zip(&evidence.values).map(|(w, v)| w * v).sum::<f64>()
@@ -110,6 +134,15 @@ impl Presence {
     }
 }
 
+/// The names of all coefficients, in the order that they are written in.
+fn names() -> Vec<String> {
+    let once = ["memory", "gain", "shift"].map(String::from).into_iter();
+    let twice = ["", "again."]
+        .into_iter()
+        .flat_map(|when| std::iter::once("bias").chain(NAMES).map(move |name| format!("{when}{name}")));
+    once.chain(twice).collect()
+}
+
 /// Presence over consecutive frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Smoothed {
@@ -119,7 +152,7 @@ pub(crate) struct Smoothed {
 impl Smoothed {
     /// The probability after one more look.
     pub(crate) fn add(&mut self, presence: &Presence, evidence: &Evidence) -> f64 {
-        let now = presence.log_odds(evidence).clamp(-12.0, 12.0);
+        let now = presence.look.log_odds(evidence).clamp(-12.0, 12.0);
         let smoothed =
             self.log_odds.map_or(now, |before| presence.memory * before + (1.0 - presence.memory) * now);
         self.log_odds = Some(smoothed);
@@ -137,13 +170,20 @@ mod tests {
     use weights_format::{Architecture, Widths};
 
     fn some() -> Presence {
-        let weights = std::array::from_fn(|i| i as f64 / 4.0 - 1.0);
-        Presence { bias: -0.5, weights, memory: 0.5, gain: 1.25, shift: 0.0 }
+        let look = Weighing { bias: -0.5, weights: std::array::from_fn(|i| i as f64 / 4.0 - 1.0) };
+        let again = Weighing { bias: 0.25, weights: std::array::from_fn(|i| 2.0 - i as f64 / 8.0) };
+        Presence { look, again, memory: 0.5, gain: 1.25, shift: 0.0 }
     }
 
     #[test]
     fn text_and_back() {
         assert_eq!(Presence::parse(&some().to_text()), Ok(some()));
+        let old: String = some()
+            .to_text()
+            .lines()
+            .filter(|line| !line.starts_with("again."))
+            .fold(String::new(), |text, line| text + line + "\n");
+        assert_eq!(Presence::parse(&old), Ok(Presence { again: some().look, ..some() }));
         let mut header = Header::new(Architecture::new(Widths::FULL, None));
         assert_eq!(Presence::of(&header), Presence::parse(DEFAULT));
         header.provenance.notes.insert(NOTE.into(), some().to_text());
@@ -156,7 +196,8 @@ mod tests {
     fn says_what_is_wrong() {
         let text = some().to_text();
         for (bad, part) in [
-            (String::new(), "bias is missing"),
+            (String::new(), "memory is missing"),
+            (text.replace("again.score 2", ""), "again.score is missing"),
             (format!("{text}bias 1\n"), "bias is there twice"),
             (format!("{text}colour 1\n"), "colour is unknown"),
             (text.replace("memory 0.5", "memory 1"), "memory is 1"),
@@ -171,10 +212,11 @@ mod tests {
 
     #[test]
     fn smoothing_follows_with_delay() {
-        let presence = Presence { weights: [1.0; COUNT], bias: 0.0, memory: 0.5, gain: 1.0, shift: 0.0 };
+        let look = Weighing { weights: [1.0; COUNT], bias: 0.0 };
+        let presence = Presence { look, again: look, memory: 0.5, gain: 1.0, shift: 0.0 };
         let (good, bad) = (Evidence { values: [1.0; COUNT] }, Evidence { values: [-1.0; COUNT] });
         let mut smoothed = Smoothed::default();
-        assert_eq!(smoothed.add(&presence, &good), presence.alone(&good));
+        assert_eq!(smoothed.add(&presence, &good), look.alone(&good));
         assert_eq!(smoothed.add(&presence, &bad), 0.5);
         assert!(smoothed.add(&presence, &bad) < 0.01);
     }

@@ -101,13 +101,13 @@ impl FlightTracker {
         if self.rivals.claim(&finding.bbox, self.away(&finding.bbox)) {
             return f64::NEG_INFINITY;
         }
-        self.presence.log_odds(&finding.evidence) + kalman.log_ratio(&finding.bbox)
+        self.presence.again.log_odds(&finding.evidence) + kalman.log_ratio(&finding.bbox)
     }
 
     /// Something that looks like the target, but is where it cannot be so soon, is a rival.
     fn suspect(&mut self, finding: &Finding) {
         let away = self.away(&finding.bbox);
-        let alike = self.presence.alone(&finding.evidence) >= self.options.present;
+        let alike = self.presence.again.alone(&finding.evidence) >= self.options.present;
         if alike && self.state == State::Coasting && self.frames_in_state <= SOON && away >= FAR {
             self.rivals.meet(&finding.bbox);
         }

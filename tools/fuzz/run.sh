@@ -1,9 +1,10 @@
 #!/bin/sh
-# Fuzzes: tools/fuzz/run.sh TARGET|all [SECONDS]. Needs a C++ compiler; a stable Rust is enough.
+# Fuzzes what reads strangers' bytes: tools/fuzz/run.sh TARGET|all [SECONDS]. Needs a C++ compiler and xz; a stable Rust
+# is enough.
 #
-# Starts from the seeds (tools/fuzz/src/seeds.rs) and what is in corpus/TARGET; what finds new ways through the program is
-# kept in work/TARGET, and a finding is written to work/TARGET.found. `run.sh keep TARGET` puts the smallest set that
-# goes all these ways into corpus/TARGET.
+# Starts from the seeds (tools/fuzz/src/seeds.rs) and corpus/TARGET.tar.xz. Inputs that find new ways through the program
+# gather in work/TARGET, a finding is written to work/TARGET.found-*. `run.sh keep TARGET` packs the smallest set of inputs that
+# goes all the ways found into corpus/TARGET.tar.xz.
 set -eu
 cd "$(dirname "$0")"
 host=$(rustc -vV | sed -n 's/^host: //p')
@@ -15,14 +16,28 @@ cargo build --release --target "$host"
 programs=${CARGO_TARGET_DIR:-target}/$host/release
 
 fuzz() {
-    mkdir -p "work/$1" "corpus/$1"
+    unpack "$1"
     echo "$1: $seconds s"
-    "$programs/$1" "work/$1" "corpus/$1" "work/seeds/$1" -max_total_time="$seconds" -artifact_prefix="work/$1.found-" \
+    "$programs/$1" "work/$1" "work/seeds/$1" -max_total_time="$seconds" -artifact_prefix="work/$1.found-" \
         -timeout=20 -rss_limit_mb=3000 -max_len="$(longest "$1")" -print_final_stats=1 2> "work/$1.log" || {
         tail -n 30 "work/$1.log" >&2
         return 1
     }
-    grep -E 'stat::number_of_executed_units|DONE' "work/$1.log"
+    grep -E 'DONE' "work/$1.log"
+}
+
+unpack() {
+    mkdir -p "work/$1"
+    if [ -f "corpus/$1.tar.xz" ]; then tar -xJf "corpus/$1.tar.xz" -C "work/$1"; fi
+}
+
+keep() {
+    unpack "$1"
+    rm -rf "work/least"
+    mkdir -p "work/least" corpus
+    "$programs/$1" -merge=1 "work/least" "work/$1" "work/seeds/$1" 2> "work/$1.merge.log"
+    tar -C "work/least" --sort=name --mtime=@0 --owner=0 --group=0 -cJf "corpus/$1.tar.xz" .
+    ls -l "corpus/$1.tar.xz"
 }
 
 longest() {
@@ -36,6 +51,6 @@ mkdir -p work
 "$programs/seeds" work/seeds
 case ${1:-all} in
     all) for target in weights checkpoint trax y4m mavlink http; do fuzz "$target"; done ;;
-    keep) "$programs/$2" -merge=1 "corpus/$2" "work/$2" "work/seeds/$2" ;;
+    keep) keep "$2" ;;
     *) fuzz "$1" ;;
 esac

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use track_cpu::flight::{EVIDENCE_NAMES, PRESENCE_NOTE, Presence};
+use track_cpu::flight::{EVIDENCE_NAMES, PRESENCE_NOTE, Presence, Weighing};
 use weights_format::{Storage, Weights};
 
 use crate::collect::{Sample, Samples, collect};
@@ -57,8 +57,13 @@ fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
         let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
         return Err(Failure::Nothing(needed.into()));
     }
-    let (bias, weights) = logistic(&all);
-    let plain = Presence { bias, weights, memory: 0.0, gain: 1.0, shift: 0.0 };
+    let weighing = |samples: &[(Inputs, bool)]| {
+        let (bias, weights) = logistic(samples);
+        Weighing { bias, weights }
+    };
+    let again = inputs(flights.iter().flat_map(|f| &f.again));
+    let plain =
+        Presence { look: weighing(&all), again: weighing(&again), memory: 0.0, gain: 1.0, shift: 0.0 };
     let tried = MEMORIES.iter().map(|&memory| smooth(plain, memory, flights));
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     Ok(rounded(best.map_or(plain, |(_, presence)| presence)))
@@ -66,8 +71,9 @@ fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
 
 /// Six significant digits are more than the fit is worth.
 fn rounded(mut presence: Presence) -> Presence {
-    let Presence { bias, weights, gain, shift, .. } = &mut presence;
-    for number in [bias, gain, shift].into_iter().chain(weights) {
+    let Presence { look, again, gain, shift, .. } = &mut presence;
+    let both = [look, again].into_iter().flat_map(|w| std::iter::once(&mut w.bias).chain(&mut w.weights));
+    for number in [gain, shift].into_iter().chain(both) {
         *number = format!("{number:.5e}").parse().unwrap_or(*number);
     }
     presence
@@ -89,7 +95,7 @@ fn smoothed<'a>(presence: &Presence, flights: &'a [Samples]) -> Vec<(f64, &'a Sa
     for run in flights.iter().flat_map(|f| &f.runs) {
         let mut before = None;
         for sample in run {
-            let now = presence.log_odds(&sample.evidence).clamp(-12.0, 12.0);
+            let now = presence.look.log_odds(&sample.evidence).clamp(-12.0, 12.0);
             let odds = before.map_or(now, |b| presence.memory * b + (1.0 - presence.memory) * now);
             before = Some(odds);
             out.push((odds, sample));
@@ -118,14 +124,22 @@ fn report(title: &str, presence: &Presence, flights: &[Samples]) {
         .into_iter()
         .filter_map(|(odds, s)| if s.gone { Some((odds, false)) } else { s.on?.then_some((odds, true)) })
         .collect();
-    let looks: Vec<(f64, bool)> = flights
-        .iter()
-        .flat_map(|f| &f.looks)
-        .filter_map(|s| Some((presence.alone(&s.evidence), s.on?)))
-        .collect();
+    let alone = |of: fn(&Samples) -> &Vec<Sample>, weighing: &Weighing| -> Vec<(f64, bool)> {
+        flights.iter().flat_map(of).filter_map(|s| Some((weighing.alone(&s.evidence), s.on?))).collect()
+    };
+    let looks = alone(|f| &f.looks, &presence.look);
     println!("\n{title}: {} flights, {} frames, {} single looks", flights.len(), frames.len(), looks.len());
     println!("AUROC on/off target {}", shown(auroc(&frames)));
     println!("AUROC target visible and tracked/gone {}", shown(auroc(&gone)));
     println!("AUROC single looks {}", shown(auroc(&looks)));
     println!("{}", reliability(&frames));
+    let again = alone(|f| &f.again, &presence.again);
+    let alike = alone(|f| &f.again, &presence.look);
+    println!("looks for a target that was not seen for up to three seconds: {}", again.len());
+    println!(
+        "AUROC {}; weighed as if it had been seen just before {}",
+        shown(auroc(&again)),
+        shown(auroc(&alike))
+    );
+    println!("{}", reliability(&again));
 }

@@ -1,10 +1,13 @@
 //! Evidence with the truth about it.
 //!
-//! Two kinds: what the tracker saw frame after frame, running on whether the target was there or not; and looks at the
-//! target's own place and at look-alikes and bare ground, as re-detection takes them.
+//! Three kinds: what the tracker saw frame after frame, running on whether the target was there or not; looks at the
+//! target's own place and at look-alikes and bare ground, as re-detection takes them; and such looks by a tracker that has
+//! not seen the target for a while.
 
 use track_cpu::flight::{Budget, Evidence, FlightOptions, FlightTracker};
-use track_cpu::{BBox, Model};
+use track_cpu::{BBox, Frame, Model};
+
+use scenes::Truth;
 
 use crate::flights::{GONE, OFF, VISIBLE, bbox, each_seed, is_on, play};
 use crate::{Failure, FlightArgs};
@@ -13,6 +16,10 @@ use crate::{Failure, FlightArgs};
 const OFF_FRAMES: u32 = 60;
 /// Frames between looks elsewhere.
 const LOOK_EVERY: usize = 5;
+/// Frames that the second tracker sees its target for,
+const SEEN: u32 = 40;
+/// and frames that it then only looks around for.
+const UNSEEN: u32 = 90;
 
 /// One look with the truth about it.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +39,8 @@ pub struct Samples {
     pub runs: Vec<Vec<Sample>>,
     /// Single looks.
     pub looks: Vec<Sample>,
+    /// Single looks by a tracker that has not seen the target for a while.
+    pub again: Vec<Sample>,
 }
 
 /// Collects from all flights from `first` on.
@@ -42,14 +51,28 @@ pub fn collect(model: &Model, args: &FlightArgs, first: u64) -> Result<Vec<Sampl
 fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failure> {
     let options = FlightOptions { recover: false, ..FlightOptions::new(model) };
     let mut tracker = FlightTracker::new(model.clone(), options)?;
+    let mut late = FlightTracker::new(model.clone(), options)?;
     let mut samples = Samples::default();
     let mut off = u32::MAX; // so that the first frame shows the target
+    let mut age = u32::MAX; // frames since the second tracker was shown it
     let mut chance = Chance(seed);
     play(args, seed, |index, frame, truth| {
         let target = bbox(&truth.bbox);
         let gone = truth.visible <= GONE;
+        let may_show = truth.visible > 0.8 || index == 0;
+        age = age.saturating_add(1);
+        if age > SEEN + UNSEEN && may_show {
+            late.init(frame, target)?;
+            age = 0;
+        } else if age <= SEEN {
+            let track = late.update(frame, Budget::Searches(1))?;
+            // One that lost it teaches nothing: shown again.
+            age = if is_on(&track.bbox, truth) == Some(false) { u32::MAX } else { age };
+        } else if age <= SEEN + UNSEEN && index % LOOK_EVERY == 0 {
+            look_around(&mut late, frame, truth, &mut chance, &mut samples.again)?;
+        }
         if off > OFF_FRAMES {
-            if truth.visible > 0.8 || index == 0 {
+            if may_show {
                 tracker.init(frame, target)?;
                 samples.runs.push(Vec::new());
                 off = 0;
@@ -63,29 +86,41 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
         }
         off = if on == Some(false) && truth.visible > 0.5 { off + 1 } else { 0 };
         if index % LOOK_EVERY == 0 {
-            let mut places = vec![chance.near(&target, 0.6)];
-            let alike =
-                truth.distractors.iter().map(bbox).filter(|d| d.iou(&target) < OFF && d.area() > 40.0);
-            let alike: Vec<BBox> = alike.collect();
-            if !alike.is_empty() {
-                let one = alike[chance.below(alike.len())];
-                places.push(chance.near(&one, 0.3));
-            }
-            let (x, y) = (chance.unit() * frame.width() as f32, chance.unit() * frame.height() as f32);
-            places.push(BBox::new(x, y, target.w, target.h));
-            for place in places {
-                // The size is the target's, whatever stands there: so does re-detection look.
-                let c = place.center();
-                let around = BBox::new(c.cx - target.w / 2.0, c.cy - target.h / 2.0, target.w, target.h);
-                if let Some((found, evidence)) = tracker.examine(frame, around)? {
-                    let on = is_on(&found, truth).filter(|on| !on || truth.visible > VISIBLE);
-                    samples.looks.push(Sample { evidence, on, gone });
-                }
-            }
+            look_around(&mut tracker, frame, truth, &mut chance, &mut samples.looks)?;
         }
         Ok(())
     })?;
     Ok(samples)
+}
+
+/// Looks near the target's place, at a look-alike, and anywhere.
+fn look_around(
+    tracker: &mut FlightTracker,
+    frame: &Frame<'_>,
+    truth: &Truth,
+    chance: &mut Chance,
+    looks: &mut Vec<Sample>,
+) -> Result<(), Failure> {
+    let (target, gone) = (bbox(&truth.bbox), truth.visible <= GONE);
+    let mut places = vec![chance.near(&target, 0.6)];
+    let alike: Vec<BBox> =
+        truth.distractors.iter().map(bbox).filter(|d| d.iou(&target) < OFF && d.area() > 40.0).collect();
+    if !alike.is_empty() {
+        let one = alike[chance.below(alike.len())];
+        places.push(chance.near(&one, 0.3));
+    }
+    let (x, y) = (chance.unit() * frame.width() as f32, chance.unit() * frame.height() as f32);
+    places.push(BBox::new(x, y, target.w, target.h));
+    for place in places {
+        // The size is the target's, whatever stands there: so does re-detection look.
+        let c = place.center();
+        let around = BBox::new(c.cx - target.w / 2.0, c.cy - target.h / 2.0, target.w, target.h);
+        if let Some((found, evidence)) = tracker.examine(frame, around)? {
+            let on = is_on(&found, truth).filter(|on| !on || truth.visible > VISIBLE);
+            looks.push(Sample { evidence, on, gone });
+        }
+    }
+    Ok(())
 }
 
 /// A small generator: SplitMix64.
