@@ -54,16 +54,11 @@ impl Motion {
         (x + self.a * x - self.b * y, y + self.b * x + self.a * y)
     }
 
-    /// Zoom: lengths in the later frame over lengths in the earlier one.
-    pub fn scale(&self) -> f64 {
-        (1.0 + self.a).hypot(self.b)
-    }
-
-    /// The box moved with the picture.
+    /// The box moved with the picture. Its size stays: the ground grows as a camera flies towards it, a target that the camera
+    /// follows does not (on rendered flights the two come apart by a factor of two in a hundred frames).
     pub(crate) fn carry(&self, bbox: &CenterBox) -> CenterBox {
         let (cx, cy) = self.apply(bbox.cx.into(), bbox.cy.into());
-        let scale = self.scale() as f32;
-        CenterBox { cx: cx as f32, cy: cy as f32, w: bbox.w * scale, h: bbox.h * scale }
+        CenterBox { cx: cx as f32, cy: cy as f32, ..*bbox }
     }
 }
 

@@ -23,10 +23,12 @@ const USUAL: f64 = 0.33;
 const RARE: f64 = 0.25;
 /// Least standard deviation of a prediction, in target sides.
 const LEAST: f64 = 0.3;
-/// Chance, per square of its side, that the target is anywhere.
+/// Chance, per square of its side, that the target is anywhere; it grows with the variance,
 const ANYWHERE: f64 = 1e-4;
+/// but not beyond that of a target that is somewhere in the view.
+const VIEW: f64 = 0.003;
 /// Objects that look like the target, per square of its side.
-const LOOK_ALIKES: f64 = 0.03;
+const LOOK_ALIKES: f64 = 0.01;
 /// Share of a new observation in the running mean of surprises.
 const AGILITY_RATE: f64 = 0.1;
 /// Share of the velocity that is kept per frame without a measurement: far predictions slow down.
@@ -87,8 +89,6 @@ impl Kalman {
         let (cx, cy) = motion.apply(self.x.position, self.y.position);
         let (vx, vy) = motion.turn(self.x.velocity, self.y.velocity);
         (self.x.position, self.y.position, self.x.velocity, self.y.velocity) = (cx, cy, vx, vy);
-        self.w *= motion.scale();
-        self.h *= motion.scale();
         let (acceleration, wander) = (ACCELERATION * self.side(), WANDER * self.side());
         self.x.predict(acceleration, wander);
         self.y.predict(acceleration, wander);
@@ -150,7 +150,8 @@ impl Kalman {
         let density = |spread: f64| (-0.5 * (d / spread).powi(2)).exp() / (TAU * spread * spread);
         let usual = density((USUAL * spread).max(LEAST));
         let rare = density(spread.max(LEAST));
-        ((1.0 - RARE) * usual + RARE * rare + ANYWHERE).ln() - LOOK_ALIKES.ln()
+        let anywhere = (ANYWHERE * (1.0 + spread * spread)).min(VIEW);
+        ((1.0 - RARE) * usual + RARE * rare + anywhere).ln() - LOOK_ALIKES.ln()
     }
 
     /// Distance of a centre from the prediction, in target sides.

@@ -91,6 +91,14 @@ fn dataset_of(fit: &Fit) -> Result<Arc<Dataset>, Error> {
     Ok(Arc::new(Dataset::open(&specs?, position.data_options.clone())?))
 }
 
+/// `average`.
+pub fn average(args: &args::Average) -> Result<(), Error> {
+    let (first, others) = args.networks.split_first().expect("clap asks for two");
+    Fit::mean(first, others)?.save(&args.out)?;
+    println!("{}", args.out.display());
+    Ok(())
+}
+
 /// `export`.
 pub fn export(args: &args::Export) -> Result<(), Error> {
     let fit = Fit::resume(&args.checkpoint)?;

@@ -31,6 +31,7 @@ fn run(args: Args) -> Result<(), Error> {
         Command::Prune(args) => commands::prune(&args),
         Command::Sweep(args) => commands::sweep(&args),
         Command::Ablate(args) => commands::ablate(&args),
+        Command::Average(args) => commands::average(&args),
         Command::Export(args) => commands::export(&args),
         Command::Quantize(args) => commands::quantize(args),
         Command::Tune(args) => commands::tune(args),

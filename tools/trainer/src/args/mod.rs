@@ -32,6 +32,8 @@ pub enum Command {
     Sweep(Box<Sweep>),
     /// Train without each part of DR-MIM in turn, and compare
     Ablate(Box<Ablate>),
+    /// Average networks of one shape, such as the ends of runs that followed each other
+    Average(Average),
     /// Write a checkpoint's network as a weights file
     Export(Export),
     /// Measure a weights file's activations, so that it can run on bytes (int8)
@@ -63,6 +65,16 @@ pub struct Fit {
     /// Minutes of training between validations
     #[arg(long, default_value_t = 30.0, help_heading = "Run")]
     pub validate_minutes: f64,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Average {
+    /// The networks: checkpoints, weights files, or what `convert --to trainer` wrote
+    #[arg(required = true, num_args = 2.., value_name = "FILE")]
+    pub networks: Vec<PathBuf>,
+    /// The checkpoint to write; replaced if it exists
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
 }
 
 #[derive(Debug, clap::Args)]

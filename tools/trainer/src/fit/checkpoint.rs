@@ -132,7 +132,9 @@ pub enum Form {
 pub fn form(path: &Path) -> Result<Form, Error> {
     let expected = "a training checkpoint, a weights file, or what `convert --to trainer` writes";
     let bytes = read(path)?;
-    if bytes.starts_with(b"PK") || bytes.starts_with(&[0x80]) {
+    // A safetensors file begins with the length of its header, whose first byte may be anything.
+    let begins = |signature: &[u8]| bytes.starts_with(signature) && bytes.get(8) != Some(&b'{');
+    if begins(b"PK") || begins(&[0x80]) {
         return Err(Error::file(path, expected, "a PyTorch checkpoint"));
     }
     let (_, header) =

@@ -4,7 +4,7 @@ use super::{DataOptions, Fit, FitOptions, Position, checkpoint};
 use crate::error::Error;
 use crate::network::StatisticsNets;
 use autodiff::Tensor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use weights_format::{Architecture, Unfolded, Weights};
 
 impl Fit {
@@ -67,6 +67,45 @@ impl Fit {
                 Ok(fit)
             }
         }
+    }
+
+    /// The mean of several networks of one shape, as they are deployed: a run that has not begun, of the first one's options
+    /// and data.
+    ///
+    /// Where one run begins with what another ended with, the mean of both ends is often better than either (Wortsman et
+    /// al., "Model soups", ICML 2022).
+    ///
+    /// # Errors
+    /// If a file holds no network, or one of another shape than the first one's.
+    pub fn mean(first: &Path, others: &[PathBuf]) -> Result<Fit, Error> {
+        let mut mean = Fit::open(first)?;
+        let mut history = vec![format!("the mean of {} networks", 1 + others.len())];
+        history.extend(mean.history());
+        let share = 1.0 / (1 + others.len()) as f32;
+        mean.parameters.iter_mut().for_each(|p| p.value.data_mut().iter_mut().for_each(|v| *v *= share));
+        for path in others {
+            let other = Fit::open(path)?;
+            let alike =
+                other.folded == mean.folded && other.parameters.iter().len() == mean.parameters.iter().len();
+            for parameter in mean.parameters.iter_mut() {
+                let name = parameter.name();
+                let value = other.parameters.find(name).map(|id| &other.parameters[id].value);
+                let value = value.filter(|value| alike && value.shape() == parameter.value.shape());
+                let value = value.ok_or_else(|| {
+                    Error::file(path, format!("a network of the shape of {}", first.display()), name)
+                })?;
+                let terms = parameter.value.data_mut().iter_mut().zip(value.data());
+                terms.for_each(|(sum, v)| *sum += share * v);
+            }
+            history.extend(
+                other.history().into_iter().filter(|line| !history.contains(line)).collect::<Vec<_>>(),
+            );
+        }
+        let Position { options, data, data_options, .. } = mean.position;
+        mean.position = Position::start(options, data, data_options);
+        mean.position.history = history;
+        mean.begin_averages();
+        Ok(mean)
     }
 
     /// A run of default options that begins with an architecture.
@@ -212,6 +251,28 @@ mod tests {
         opened.unfold(&compute, &dataset, 1);
         assert!(before.state().eq(opened.parameters().state()), "once is enough");
         assert_eq!(opened.history(), ["weights tiny, track-cpu trainer 0.1.0"]);
+    }
+
+    #[test]
+    fn the_mean_lies_between_and_only_of_one_shape() {
+        let folder = Folder::new("mean");
+        let path = |name: &str| folder.path().join(name);
+        let (mut fit, mut expected) = (tiny(), tiny());
+        for (i, name) in ["a", "b"].iter().enumerate() {
+            for (p, e) in fit.parameters.iter_mut().zip(expected.parameters.iter_mut()) {
+                p.value.data_mut().fill(1.0 + 4.0 * i as f32);
+                e.value.data_mut().fill(3.0);
+            }
+            fit.begin_averages();
+            fit.save(&path(name)).unwrap();
+        }
+        let mean = Fit::mean(&path("a"), &[path("b")]).unwrap();
+        assert!(mean.deployed().state().eq(expected.parameters.state()));
+        assert_eq!(mean.history(), ["the mean of 2 networks"]);
+        let architecture = Architecture { encoder: None, ..fit.position.options.architecture };
+        Fit::around(architecture).unwrap().save(&path("other")).unwrap();
+        let error = Fit::mean(&path("a"), &[path("other")]).unwrap_err().to_string();
+        assert!(error.contains("other") && error.contains("a network of the shape of"), "{error}");
     }
 
     #[test]

@@ -11,28 +11,36 @@
 //!
 //! The token travels in the header `X-Token`, which no other site's page can make a browser send.
 
+mod request;
 mod video;
 
 use std::io::{Read, Write};
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use tiny_http::{Header, Method, Request, Response, Server};
 
 use super::hub::{Command, Hub};
 use crate::exit::Failure;
+use request::{Refusal, Request};
 use video::Video;
 
 const PAGE: &str = include_str!("page.html");
-/// Most bytes of a request's body.
-const MAX_BODY: u64 = 4096;
+/// Most connections at a time; more are closed at once.
+const MAX_CONNECTIONS: usize = 64;
 /// Most streams at a time, videos and events together.
 const MAX_STREAMS: usize = 32;
 /// How long a stream waits before it looks whether it is to end.
 const PATIENCE: Duration = Duration::from_millis(500);
+/// How long a client may take to receive something.
+const MAX_WRITE: Duration = Duration::from_secs(5);
+/// Most times that something is taken of a request that was refused.
+const MAX_VAIN: usize = 32;
+/// How often new connections are looked for.
+const TICK: Duration = Duration::from_millis(10);
 
 /// Options of the web ground station.
 #[derive(Clone, Debug, clap::Args)]
@@ -66,22 +74,28 @@ pub fn start(args: &HttpArgs, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, Fai
         return Err(wrong("is open to other machines, expected --token with it".into()));
     }
     let token = args.token.clone().map_or_else(random_token, Ok).map_err(|error| wrong(error.to_string()))?;
-    let server = Server::http(&found[..]).map_err(|error| wrong(error.to_string()))?;
-    eprintln!("web page: http://{}/#{token}", server.server_addr());
+    let listen = || {
+        let listener = TcpListener::bind(&found[..])?;
+        listener.set_nonblocking(true)?; // so that it sees when the program ends
+        Ok((listener.local_addr()?, listener))
+    };
+    let (address, listener) = listen().map_err(|error: std::io::Error| wrong(error.to_string()))?;
+    eprintln!("web page: http://{address}/#{token}");
     let video = Arc::new(Video::default());
     let encoder = {
         let (video, hub) = (Arc::clone(&video), Arc::clone(hub));
         std::thread::spawn(move || video.encode(&hub))
     };
-    let site = Site { token, hub: Arc::clone(hub), video };
-    let listener = std::thread::spawn(move || {
+    let site = Arc::new(Site { token, hub: Arc::clone(hub), video, connections: AtomicUsize::new(0) });
+    let listening = std::thread::spawn(move || {
         while !site.hub.is_stopping() {
-            if let Ok(Some(request)) = server.recv_timeout(PATIENCE) {
-                site.answer(request);
+            match listener.accept() {
+                Ok((stream, _)) => site.welcome(stream),
+                Err(_) => std::thread::sleep(TICK),
             }
         }
     });
-    Ok(vec![encoder, listener])
+    Ok(vec![encoder, listening])
 }
 
 fn random_token() -> std::io::Result<String> {
@@ -94,66 +108,107 @@ struct Site {
     token: String,
     hub: Arc<Hub>,
     video: Arc<Video>,
+    connections: AtomicUsize,
 }
 
 impl Site {
-    /// Answers at once, or hands a stream to a thread of its own; a client that has gone is no fault of ours.
-    fn answer(&self, mut request: Request) {
-        let path = request.url().split('?').next().unwrap_or_default().to_string();
-        let (status, kind, body) = match (request.method(), path.as_str()) {
-            (Method::Get, "/") => (200, "text/html; charset=utf-8", PAGE.to_string()),
-            (Method::Get, "/state") => (200, "application/json", self.hub.report().1.to_json().to_string()),
-            (Method::Get, "/video" | "/events") => return self.stream(request, path == "/video"),
-            (Method::Post, "/start" | "/stop") if !self.is_authorised(&request) => {
-                (403, "application/json", json!({ "error": "the token is missing or wrong" }).to_string())
+    /// Gives a connection a thread of its own; a client that has gone is no fault of ours.
+    fn welcome(self: &Arc<Site>, mut stream: TcpStream) {
+        if self.connections.fetch_add(1, Ordering::SeqCst) >= MAX_CONNECTIONS {
+            self.connections.fetch_sub(1, Ordering::SeqCst);
+            return;
+        }
+        let site = Arc::clone(self);
+        std::thread::spawn(move || {
+            let _ = site.answer(&mut stream);
+            site.connections.fetch_sub(1, Ordering::SeqCst);
+        });
+    }
+
+    /// One answer per connection.
+    fn answer(&self, stream: &mut TcpStream) -> std::io::Result<()> {
+        stream.set_nonblocking(false)?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        stream.set_write_timeout(Some(MAX_WRITE))?;
+        match Request::read(stream) {
+            Ok(request) if request.method == "GET" && request.path == "/video" => self.stream(stream, true),
+            Ok(request) if request.method == "GET" && request.path == "/events" => self.stream(stream, false),
+            Ok(request) => {
+                let (status, kind, body) = self.respond(&request);
+                send(stream, status, kind, &body)
             }
-            (Method::Post, "/start" | "/stop") => {
-                let command =
-                    if path == "/stop" { Some(Command::Stop) } else { read_start(request.as_reader()) };
+            Err(Refusal::Status(status)) => {
+                send(stream, status, "text/plain", "not so\n")?;
+                // What was sent in vain is taken, so that the answer is not lost with the connection.
+                stream.shutdown(Shutdown::Write)?;
+                let mut vain = [0; 1024];
+                (0..MAX_VAIN)
+                    .take_while(|_| stream.read(&mut vain).is_ok_and(|count| count > 0))
+                    .for_each(drop);
+                Ok(())
+            }
+            Err(Refusal::Gone) => Ok(()),
+        }
+    }
+
+    fn respond(&self, request: &Request) -> (u16, &'static str, String) {
+        let json = "application/json";
+        let wrong = |text: &str| json!({ "error": text }).to_string();
+        match (request.method.as_str(), request.path.as_str()) {
+            ("GET", "/") => (200, "text/html; charset=utf-8", PAGE.to_string()),
+            ("GET", "/state") => (200, json, self.hub.report().1.to_json().to_string()),
+            ("POST", "/start" | "/stop") if !self.is_authorised(request) => {
+                (403, json, wrong("the token is missing or wrong"))
+            }
+            ("POST", path @ ("/start" | "/stop")) => {
+                let command = if path == "/stop" { Some(Command::Stop) } else { read_start(&request.body) };
                 match command.map(|command| self.hub.command(command)) {
-                    Some(true) => (202, "application/json", json!({ "accepted": true }).to_string()),
-                    _ => (
-                        400,
-                        "application/json",
-                        json!({ "error": "expected a rectangle or point within the frame" }).to_string(),
-                    ),
+                    Some(true) => (202, json, json!({ "accepted": true }).to_string()),
+                    _ => (400, json, wrong("expected a rectangle or point within the frame")),
                 }
             }
-            (Method::Get | Method::Post, _) => (404, "text/plain", "not here\n".into()),
+            ("GET" | "POST", _) => (404, "text/plain", "not here\n".into()),
             _ => (405, "text/plain", "not so\n".into()),
-        };
-        let mut response = Response::from_string(body).with_status_code(status);
-        for (name, value) in [
-            ("Content-Type", kind),
-            ("Cache-Control", "no-store"),
-            ("X-Content-Type-Options", "nosniff"),
-            ("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; frame-ancestors 'none'"),
-        ] {
-            if let Ok(header) = Header::from_bytes(name, value) {
-                response.add_header(header);
-            }
         }
-        let _ = request.respond(response);
     }
 
     fn is_authorised(&self, request: &Request) -> bool {
-        let header = request.headers().iter().find(|header| header.field.equiv("X-Token"));
-        header.is_some_and(|header| same(header.value.as_str().as_bytes(), self.token.as_bytes()))
+        request.token.as_ref().is_some_and(|token| same(token, self.token.as_bytes()))
     }
 
-    fn stream(&self, request: Request, is_video: bool) {
+    fn stream(&self, stream: &mut TcpStream, is_video: bool) -> std::io::Result<()> {
         if self.hub.streams() >= MAX_STREAMS {
-            let _ = request.respond(Response::from_string("too many watch\n").with_status_code(503));
-            return;
+            return send(stream, 503, "text/plain", "too many watch\n");
         }
-        let (hub, video) = (Arc::clone(&self.hub), Arc::clone(&self.video));
-        let watching = hub.watch(is_video);
-        std::thread::spawn(move || {
-            let _watching = watching;
-            let mut out = request.into_writer();
-            let _ = if is_video { video.stream(&hub, &mut out) } else { events(&hub, &mut out) };
-        });
+        let _watching = self.hub.watch(is_video);
+        if is_video { self.video.stream(&self.hub, stream) } else { events(&self.hub, stream) }
     }
+}
+
+fn send(stream: &mut TcpStream, status: u16, kind: &str, body: &str) -> std::io::Result<()> {
+    let reason = match status {
+        200 => "OK",
+        202 => "Accepted",
+        403 => "Forbidden",
+        404 => "Not Found",
+        405 => "Method Not Allowed",
+        408 => "Request Timeout",
+        411 => "Length Required",
+        413 => "Content Too Large",
+        431 => "Request Header Fields Too Large",
+        503 => "Service Unavailable",
+        _ => "Bad Request",
+    };
+    let length = body.len();
+    let head = format!(
+        "HTTP/1.1 {status} {reason}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nCache-Control: no-store\r\n\
+         X-Content-Type-Options: nosniff\r\n\
+         Content-Security-Policy: default-src 'self' 'unsafe-inline'; frame-ancestors 'none'\r\n\
+         Connection: close\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes())?;
+    stream.write_all(body.as_bytes())?;
+    stream.flush()
 }
 
 /// Reports as server-sent events until the client goes or the program ends.
@@ -177,10 +232,8 @@ fn events(hub: &Hub, out: &mut dyn Write) -> std::io::Result<()> {
 }
 
 /// A command from the body of `/start`.
-fn read_start(body: &mut dyn Read) -> Option<Command> {
-    let mut text = String::new();
-    body.take(MAX_BODY).read_to_string(&mut text).ok()?;
-    let value: Value = serde_json::from_str(&text).ok()?;
+fn read_start(body: &[u8]) -> Option<Command> {
+    let value: Value = serde_json::from_slice(body).ok()?;
     let numbers = |field: &str| -> Option<Vec<f32>> {
         value.get(field)?.as_array()?.iter().map(|v| v.as_f64().map(|v| v as f32)).collect()
     };
@@ -202,16 +255,13 @@ mod tests {
 
     #[test]
     fn starts_are_read_with_care() {
-        let read = |text: &str| read_start(&mut text.as_bytes());
+        let read = |text: &str| read_start(text.as_bytes());
         let rectangle = Command::Rectangle([0.0, 0.25, 0.5, 1.0]);
         assert_eq!(read("{\"rectangle\": [0, 0.25, 0.5, 1]}"), Some(rectangle));
         let point = Command::Point { x: 0.5, y: 0.25, radius: None };
         assert_eq!(read("{\"point\": [0.5, 0.25]}"), Some(point));
-        let long = format!("{{\"point\": [0.5, 0.5], \"x\": \"{}\"}}", "y".repeat(5000));
-        for bad in
-            ["", "{}", "[1,2,3,4]", "{\"rectangle\": [0, 1]}", "{\"point\": [\"a\", 1]}", long.as_str()]
-        {
-            assert_eq!(read(bad), None, "{bad:.40}");
+        for bad in ["", "{}", "[1,2,3,4]", "{\"rectangle\": [0, 1]}", "{\"point\": [\"a\", 1]}"] {
+            assert_eq!(read(bad), None, "{bad}");
         }
     }
 
