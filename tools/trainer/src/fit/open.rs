@@ -271,7 +271,7 @@ mod tests {
         assert_eq!(mean.history(), ["the mean of 2 networks"]);
         let architecture = Architecture { encoder: None, ..fit.position.options.architecture };
         Fit::around(architecture).unwrap().save(&path("other")).unwrap();
-        let error = Fit::mean(&path("a"), &[path("other")]).unwrap_err().to_string();
+        let error = Fit::mean(&path("a"), &[path("other")]).err().unwrap().to_string();
         assert!(error.contains("other") && error.contains("a network of the shape of"), "{error}");
     }
 
