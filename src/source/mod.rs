@@ -35,10 +35,10 @@ pub use crate::error::SourceError;
 use crate::frame::{ChannelOrder, Frame};
 pub use pixels::{PixelFormat, RawFormat};
 pub use prefetch::Prefetch;
+use stream::Stream;
 
 /// How the addresses of streams begin that do not wait for who reads them; other addresses may be films, of which every frame counts.
 pub const LIVE_SCHEMES: [&str; 5] = ["rtsp://", "rtmp://", "udp://", "tcp://", "srt://"];
-use stream::Stream;
 
 /// Most bytes that one decoded picture may take; a bound on what a stranger's file can make us allocate.
 pub const MAX_FRAME_BYTES: u64 = 512 << 20;

@@ -51,22 +51,24 @@ fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
     let runs = || flights.iter().flat_map(|f| f.runs.iter().flatten());
     let looks = || flights.iter().flat_map(|f| &f.looks);
     let all = inputs(runs().chain(looks()));
-    let off = all.iter().filter(|(_, on)| !on).count();
-    eprintln!("{} looks, {off} of them off the target", all.len());
-    if off < 50 || all.len() - off < 50 {
-        let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
-        return Err(Failure::Nothing(needed.into()));
-    }
-    let weighing = |samples: &[(Inputs, bool)]| {
-        let (bias, weights) = logistic(samples);
-        Weighing { bias, weights }
-    };
     let again = inputs(flights.iter().flat_map(|f| &f.again));
     let plain =
-        Presence { look: weighing(&all), again: weighing(&again), memory: 0.0, gain: 1.0, shift: 0.0 };
+        Presence { look: weighing(&all)?, again: weighing(&again)?, memory: 0.0, gain: 1.0, shift: 0.0 };
     let tried = MEMORIES.iter().map(|&memory| smooth(plain, memory, flights));
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     Ok(rounded(best.map_or(plain, |(_, presence)| presence)))
+}
+
+/// What each piece of evidence is worth, by looks of both kinds.
+fn weighing(looks: &[(Inputs, bool)]) -> Result<Weighing, Failure> {
+    let off = looks.iter().filter(|(_, on)| !on).count();
+    eprintln!("{} looks, {off} of them off the target", looks.len());
+    if off < 50 || looks.len() - off < 50 {
+        let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
+        return Err(Failure::Nothing(needed.into()));
+    }
+    let (bias, weights) = logistic(looks);
+    Ok(Weighing { bias, weights })
 }
 
 /// Six significant digits are more than the fit is worth.

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Strengths and probabilities of all changes; those that older checkpoints do not name are 0. The presets are [`none`](Self::none) (spec section 3.2 and nothing else),
-/// [`light`](Self::light) and [`strong`](Self::strong).
+/// Strengths and probabilities of all changes; those that older checkpoints do not name are 0. The presets are
+/// [`none`](Self::none) (spec section 3.2 and nothing else), [`light`](Self::light) and [`strong`](Self::strong).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Augment {
     /// Reach of the logarithm of the search crop's scale.

@@ -97,9 +97,9 @@ pub fn search(
         let corners = corners(&view.bbox, &matrix, jitter.shift, size);
         let inside = |v: &f32| (0.0..=(size - 1) as f32).contains(v);
         if corners.iter().all(inside) {
-            let mut crop = cut(view, &matrix, jitter.shift, size);
+            let grid = grid(&view.bbox, &matrix, jitter.shift, size);
+            let mut crop = warp(&view.picture, &grid);
             if let Some(other) = beside {
-                let grid = grid(&view.bbox, &matrix, jitter.shift, size);
                 fill_outside(&mut crop, &grid, &view.picture, || surroundings(other, pose, size, rng));
             }
             return (crop, corners);
