@@ -18,6 +18,9 @@ pub struct TrackConfig {
     /// Share of the network's error in the first frame that is taken out of all later boxes, in `[0, 1]`; 0 is the paper's
     /// tracker.
     pub correction: f64,
+    /// Share of the target's later looks in the template, in `[0, 1]`; 0 is the paper's tracker, which keeps the first
+    /// frame's.
+    pub template_update: f64,
 }
 
 impl From<&TrackerParams> for TrackConfig {
@@ -29,6 +32,7 @@ impl From<&TrackerParams> for TrackConfig {
             penalty_k: p.penalty_k,
             min_size: p.min_size,
             correction: p.correction,
+            template_update: p.template_update,
         }
     }
 }

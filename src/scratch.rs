@@ -29,6 +29,11 @@ impl Map {
         &self.values
     }
 
+    /// All values, to be changed.
+    pub(crate) fn values_mut(&mut self) -> &mut [f32] {
+        &mut self.values
+    }
+
     /// Height and width.
     pub fn size(&self) -> Size {
         self.size
@@ -39,8 +44,18 @@ impl Map {
         self.channels
     }
 
+    /// Becomes the window of `size` that starts at (`row`, `column`) of a map of floats.
+    pub(crate) fn copy_window(&mut self, from: &Map, size: Size, row: usize, column: usize) {
+        let (row_len, start) = (from.size.w * from.channels, column * from.channels);
+        let len = size.w * from.channels;
+        let rows = from.values.chunks_exact(row_len).skip(row);
+        for (to, from) in self.reshape(size, from.channels).chunks_exact_mut(len).zip(rows) {
+            to.copy_from_slice(&from[start..start + len]);
+        }
+    }
+
     /// Takes a new shape; allocates only beyond the largest one so far.
-    fn reshape(&mut self, size: Size, channels: usize) -> &mut [f32] {
+    pub(crate) fn reshape(&mut self, size: Size, channels: usize) -> &mut [f32] {
         self.bytes.clear();
         self.values.resize(size.area() * channels, 0.0);
         (self.size, self.channels) = (size, channels);
@@ -132,6 +147,8 @@ pub(crate) struct Scratch {
     pub neck: NeckMaps,
     pub response: NeckMaps,
     pub head: HeadMaps,
+    pub window: Map, // of the search region's features, to update the template
+    pub template_neck: NeckMaps,
 }
 
 impl Scratch {
@@ -144,6 +161,8 @@ impl Scratch {
             neck: NeckMaps::default(),
             response: NeckMaps::default(),
             head: HeadMaps::default(),
+            window: Map::default(),
+            template_neck: NeckMaps::default(),
         }
     }
 

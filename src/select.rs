@@ -59,6 +59,14 @@ impl Selector {
         (self.offset, self.crop_middle)
     }
 
+    /// The row at which a template's window of `cells` features starts that has its middle at the crop pixel `center`, in a map
+    /// of `reach` rows; columns likewise.
+    pub(crate) fn window_start(&self, center: f32, cells: usize, reach: usize) -> usize {
+        let first = (reach + 1).saturating_sub(cells + self.side()) as f64 / 2.0;
+        let start = (f64::from(center) - self.offset) / Architecture::TOTAL_STRIDE as f64 + first;
+        start.round().clamp(0.0, reach.saturating_sub(cells) as f64) as usize
+    }
+
     /// A box of frame pixels in the pixels of the crop around it.
     pub(crate) fn in_crop(&self, bbox: &CenterBox, scale: f64) -> CenterBox {
         let side = |length: f32| (f64::from(length) * scale) as f32;
@@ -149,6 +157,14 @@ mod tests {
     /// Outputs of score 0 everywhere, offsets `ltrb` everywhere.
     fn outputs(ltrb: [f32; 4]) -> Outputs {
         Outputs { score: vec![0.0; 289], ltrb: ltrb.repeat(289) }
+    }
+
+    #[test]
+    fn a_window_starts_where_a_template_crop_would() {
+        // The template crop in the middle of a search crop begins 88 pixels, 11 features, from its edge.
+        let start = |center| selector().window_start(center, 6, 28);
+        assert_eq!([151.0, 154.9, 155.1, 147.1, 146.9].map(start), [11, 11, 12, 11, 10]);
+        assert_eq!([-50.0, 400.0].map(start), [0, 22]);
     }
 
     #[test]

@@ -37,6 +37,8 @@ pub(crate) struct Seen {
     pub scale: f64,
     /// The cell that it chose, if any was usable.
     pub choice: Option<Choice>,
+    /// Whether it looked at the inner part of the region alone.
+    inner: bool,
 }
 
 /// How a tracker is to run.
@@ -86,6 +88,9 @@ struct Target {
     border: [u8; 3], // mean colour of the first frame, BGR
     correction: Correction,
 }
+
+/// Score from which on the template is updated.
+const LEARNT_FROM: f64 = 0.3;
 
 impl Tracker {
     /// A tracker with [`TrackerOptions::of`] the model.
@@ -147,13 +152,20 @@ impl Tracker {
         })
     }
 
-    /// Finds the target in the next frame, near where it was.
+    /// Finds the target in the next frame, near where it was, and learns how it looks now.
     ///
     /// The frame may have another size than those before.
     ///
     /// # Errors
     /// If there is no target yet.
     pub fn update(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
+        let track = self.find(frame)?;
+        self.update_template();
+        Ok(track)
+    }
+
+    /// Finds the target, near where it was.
+    pub(crate) fn find(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
         let mut target = self.target.ok_or(TrackError::NoTarget)?;
         let config = self.config;
         let mut inner = self.adaptive.as_ref().is_some_and(Adaptive::is_calm);
@@ -177,6 +189,23 @@ impl Tracker {
         let (score, penalized_score) =
             choice.map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
         Ok(Track { bbox: target.bbox.corner(), score, penalized_score })
+    }
+
+    /// Lets the template take in what the last search chose, if that was found well enough.
+    pub(crate) fn update_template(&mut self) {
+        let share = self.config.template_update as f32;
+        let Some(Seen { choice: Some(choice), inner, .. }) = self.seen else { return };
+        if share == 0.0 || choice.score < LEARNT_FROM {
+            return;
+        }
+        let mut lap = Lap::start();
+        let (template, search) = self.network.identity();
+        let (cells, reach) = (template.size().h, search.size().h);
+        let selector = selector_of(&self.selector, &self.adaptive, inner);
+        let start = |center| selector.window_start(center, cells, reach);
+        let (row, column) = (start(choice.bbox.cy), start(choice.bbox.cx));
+        self.network.update_template(row, column, share);
+        self.stages.neck += lap.lap();
     }
 
     /// Looks for the target around `around`, whose size it is expected to have, in a region `zoom` times as wide as
@@ -220,7 +249,7 @@ impl Tracker {
         target.correction.apply(&mut outputs.ltrb);
         let (w, h) = (f64::from(around.w) * scale, f64::from(around.h) * scale);
         let selector = selector_of(&self.selector, &self.adaptive, inner);
-        let seen = Seen { around, scale, choice: selector.choose(outputs, w, h, config) };
+        let seen = Seen { around, scale, choice: selector.choose(outputs, w, h, config), inner };
         self.seen = Some(seen);
         self.stages.select = lap.lap();
         seen

@@ -2,7 +2,8 @@
 
 use track_cpu::error::TrackError;
 use track_cpu::{
-    BBox, ChannelOrder, Frame, Isa, Model, Precision, SearchRegion, Track, Tracker, TrackerOptions,
+    BBox, ChannelOrder, Frame, Isa, Model, Precision, SearchRegion, Track, TrackConfig, Tracker,
+    TrackerOptions,
 };
 
 /// A frame of stripes with a bright cross whose middle is at (`cx`, `cy`).
@@ -55,6 +56,60 @@ fn follows_a_moving_target() {
         assert!(iou > 0.5, "frame {}: {track:?}, IoU {iou}", i + 1);
         assert!(track.score > 0.2 && track.score <= 1.0, "{track:?}");
     }
+}
+
+/// A frame of stripes with a disc of a checkerboard whose colours and pattern are `turned` from one look (0) to another (1).
+fn turning(width: usize, height: usize, cx: i64, cy: i64, turned: f64) -> Vec<u8> {
+    let mut rgb = scene(width, height, -1000, -1000);
+    for y in cy - 18..=cy + 18 {
+        for x in cx - 18..=cx + 18 {
+            let (dx, dy) = (x - cx, y - cy);
+            if dx * dx + dy * dy > 18 * 18 {
+                continue;
+            }
+            let first = if (dx.div_euclid(6) + dy.div_euclid(6)) % 2 == 0 {
+                [240.0, 60.0, 30.0]
+            } else {
+                [30.0, 20.0, 60.0]
+            };
+            let then = if dy.div_euclid(9) % 2 == 0 { [20.0, 90.0, 230.0] } else { [240.0, 240.0, 120.0] };
+            for (c, pixel) in rgb[3 * (y as usize * width + x as usize)..][..3].iter_mut().enumerate() {
+                *pixel = (first[c] + turned * (then[c] - first[c])) as u8;
+            }
+        }
+    }
+    rgb
+}
+
+#[test]
+fn the_template_learns_a_look_that_changes() {
+    let model = Model::builtin(Isa::detect());
+    let last_scores = |template_update| {
+        let config = TrackConfig { template_update, ..model.config() };
+        let mut tracker =
+            Tracker::with_options(model.clone(), TrackerOptions { config, ..TrackerOptions::of(&model) });
+        let mut last = 0.0;
+        for i in 0..60i64 {
+            let (cx, cy) = (100 + i, 90 + i / 2);
+            let pixels = turning(320, 240, cx, cy, i as f64 / 59.0);
+            let frame = rgb(&pixels, 320, 240);
+            let truth = BBox::new((cx - 18) as f32, (cy - 18) as f32, 37.0, 37.0);
+            if i == 0 {
+                tracker.init(&frame, truth).unwrap();
+            } else {
+                let track = tracker.update(&frame).unwrap();
+                if i >= 50 {
+                    last += track.score * track.bbox.iou(&truth);
+                }
+            }
+        }
+        last / 10.0
+    };
+    let (fixed, learning) = (last_scores(0.0), last_scores(0.5));
+    assert!(
+        learning > 1.2 * fixed,
+        "score times IoU {fixed} with the first frame's template, {learning} with later looks"
+    );
 }
 
 #[test]

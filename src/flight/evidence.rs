@@ -6,7 +6,6 @@ use crate::net::Network;
 use crate::scratch::Map;
 use crate::select::{Choice, Selector};
 use crate::tracker::Seen;
-use weights_format::Architecture;
 
 /// Pieces of evidence.
 pub const COUNT: usize = 12;
@@ -157,14 +156,7 @@ impl Witness {
         if side == 0 || reach < side || template.channels() != search.channels() {
             return (0.0, 0.0);
         }
-        let stride = Architecture::TOTAL_STRIDE as f64;
-        let start = (reach + 1).saturating_sub(side + selector.side()) as f64 / 2.0;
-        let last = (reach - side) as f64;
-        let place = |centre: f32| {
-            let cell = (f64::from(centre) - selector.geometry().0) / stride + start;
-            cell.round().clamp(0.0, last) as usize
-        };
-        let (row, column) = (place(bbox.cy), place(bbox.cx));
+        let [row, column] = [bbox.cy, bbox.cx].map(|center| selector.window_start(center, side, reach));
         let mut best = (f64::MIN, 0.0, row, column);
         for y in row.saturating_sub(1)..=(row + 1).min(reach - side) {
             for x in column.saturating_sub(1)..=(column + 1).min(reach - side) {

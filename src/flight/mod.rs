@@ -1,7 +1,7 @@
 //! Tracking in flight: knows when the target is lost, coasts through occlusions and finds the target again.
 //!
-//! [`FlightTracker`] wraps the paper's [`Tracker`]. As long as the target is there its boxes are the paper's, bit for bit;
-//! every box comes with a `presence`, the calibrated probability that it is on the target.
+//! [`FlightTracker`] wraps the paper's [`Tracker`]. As long as the target is surely there its boxes are
+//! that tracker's, bit for bit; every box comes with a `presence`, the calibrated probability that it is on the target.
 //!
 //! | file | what happens there |
 //! |---|---|
@@ -173,7 +173,7 @@ impl FlightTracker {
 
     /// The paper's tracker, watched.
     fn follow(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
-        let track = self.tracker.update(frame)?;
+        let track = if self.options.recover { self.tracker.find(frame) } else { self.tracker.update(frame) }?;
         self.score = track.score;
         let finding = self.judge(true);
         let Some(finding) = finding else {
@@ -223,6 +223,9 @@ impl FlightTracker {
             return Ok(());
         }
         self.witness.learn(&finding.evidence, probability);
+        if self.options.recover && !jumped && self.probation.is_none() {
+            self.tracker.update_template();
+        }
         if self.state != State::Reacquired || self.frames_in_state >= FRESH {
             self.enter(State::Tracking);
         }

@@ -153,7 +153,7 @@ impl FlightTracker {
         let Some(mut tentative) = self.tentative.take() else { return Ok(false) };
         let back = self.tracker.target_box();
         self.tracker.place(tentative.bbox);
-        let track = self.tracker.update(frame)?;
+        let track = self.tracker.find(frame)?;
         let Some(finding) = self.judge(false) else { return Ok(false) };
         self.recognise(false);
         if self.belief(&finding) < 0.0 {

@@ -16,6 +16,11 @@ pub(crate) struct Dr {
 pub(crate) type DrMaps = [Map; 2];
 
 impl Dr {
+    /// Whether template and search region go through the same weights.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.search.is_none()
+    }
+
     /// The identity-related features of the template.
     pub(crate) fn template<'a>(
         &self,

@@ -11,24 +11,19 @@ pub(crate) mod backbone;
 pub(crate) mod dr;
 pub(crate) mod head;
 pub(crate) mod neck;
+mod template;
 
-use crate::model::Model;
-use crate::scratch::{Map, Scratch};
+use crate::model::{Layers, Model};
+use crate::scratch::{Context, Map, Scratch};
 use crate::stages::{Lap, Stages};
+use dr::DrMaps;
 use kernels::par::Threads;
+use neck::NeckMaps;
 use std::collections::HashMap;
+use template::Template;
 use weights_format::{Architecture, EncoderPosition};
 
-/// The template's neck features, computed once per target and correlated with every search region.
-#[derive(Clone, Debug, Default)]
-pub struct TemplateFeatures {
-    /// For classification: 4x4 for the standard template.
-    pub cls: Map,
-    /// For regression.
-    pub reg: Map,
-    /// Identity-related, before the neck (E2, or conv5 where there is no E2): 6x6 for the standard template.
-    pub identity: Map,
-}
+pub use template::TemplateFeatures;
 
 /// What the network says about every cell of the score map, row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,7 +40,7 @@ pub struct Network {
     model: Model,
     threads: Threads,
     scratch: Scratch,
-    template: TemplateFeatures,
+    template: Template,
     outputs: Outputs,
 }
 
@@ -56,7 +51,7 @@ impl Network {
         let cells = model.architecture().score_size().pow(2);
         let outputs = Outputs { score: vec![0.0; cells], ltrb: vec![0.0; 4 * cells] };
         let scratch = Scratch::new(model.isa());
-        Network { model, threads, scratch, template: TemplateFeatures::default(), outputs }
+        Network { model, threads, scratch, template: Template::default(), outputs }
     }
 
     /// The model.
@@ -71,14 +66,18 @@ impl Network {
 
     /// Every intermediate map of the last pass, by the layer's name: for tests and diagnosis.
     pub fn maps(&self) -> impl Iterator<Item = (&'static str, &Map)> {
-        let template = [("neck.template_cls", &self.template.cls), ("neck.template_reg", &self.template.reg)];
+        let TemplateFeatures { cls, reg, .. } = self.template.features();
+        let template = [("neck.template_cls", cls), ("neck.template_reg", reg)];
         self.scratch.maps().chain(template)
     }
 
     /// The identity-related features of the template and of the last search region.
     pub(crate) fn identity(&self) -> (&Map, &Map) {
         let Scratch { backbone, encoded, .. } = &self.scratch;
-        (&self.template.identity, self.model.layers().encoder.search_features(&backbone.conv5, encoded))
+        (
+            &self.template.features().identity,
+            self.model.layers().encoder.search_features(&backbone.conv5, encoded),
+        )
     }
 
     /// What the last pass said.
@@ -106,14 +105,42 @@ impl Network {
         threads.enter(|| {
             let layers = model.layers();
             scratch.set_crop(crop, model.architecture().template_size, &layers.backbone.conv1);
-            let Scratch { contexts: [context, _], backbone, encoded, encoded_neck, neck, .. } = scratch;
+            let Scratch {
+                contexts: [context, _], backbone, encoded, encoded_neck, template_neck: neck, ..
+            } = scratch;
             layers.backbone.run(context, threads, backbone);
             let features = layers.encoder.template(context, threads, &backbone.conv5, encoded);
-            template.identity = features.clone();
-            layers.neck.template(context, threads, features, neck);
-            let [cls, reg] = encoded_neck;
-            template.cls = layers.encoder_after_neck.template(context, threads, &neck.cls, cls).clone();
-            template.reg = layers.encoder_after_neck.template(context, threads, &neck.reg, reg).clone();
+            let maps = template_maps(layers, context, threads, features, neck, encoded_neck);
+            template.set(features, maps);
+        });
+    }
+
+    /// Lets the template take in how the target looks in the last search region, where its window of the identity-related
+    /// features starts at (`row`, `column`). `share` is what such looks may have of the template in the end.
+    ///
+    /// A search crop has its target at nearly the same scale as a template crop, so that its features serve and no other pass is
+    /// needed; only the neck's convolutions run, on 6x6 cells. Nothing happens where encoders have other weights for
+    /// templates, since features then differ.
+    pub(crate) fn update_template(&mut self, row: usize, column: usize, share: f32) {
+        let Network { model, threads, scratch, template, .. } = self;
+        let layers = model.layers();
+        if !(layers.encoder.is_shared() && layers.encoder_after_neck.is_shared()) {
+            return;
+        }
+        threads.enter(|| {
+            let Scratch {
+                contexts: [context, _],
+                backbone,
+                encoded,
+                encoded_neck,
+                template_neck,
+                window,
+                ..
+            } = scratch;
+            let features = layers.encoder.search_features(&backbone.conv5, encoded);
+            window.copy_window(features, template.features().identity.size(), row, column);
+            let maps = template_maps(layers, context, threads, window, template_neck, encoded_neck);
+            template.add(maps, share);
         });
     }
 
@@ -127,12 +154,13 @@ impl Network {
     /// As [`search`](Self::search) on a crop of `side` pixels, noting the time of every stage.
     pub(crate) fn search_timed(&mut self, crop: &[u8], side: usize, stages: &mut Stages) -> &mut Outputs {
         let Network { model, threads, scratch, template, outputs } = self;
+        let template = template.features();
         assert!(template.cls.channels() > 0, "search needs template features: call set_template first");
         threads.enter(|| {
             let mut lap = Lap::start();
             let layers = model.layers();
             scratch.set_crop(crop, side, &layers.backbone.conv1);
-            let Scratch { contexts, backbone, encoded, encoded_neck, neck, response, head } = scratch;
+            let Scratch { contexts, backbone, encoded, encoded_neck, neck, response, head, .. } = scratch;
             let [context, other] = contexts;
 
             layers.backbone.run(context, threads, backbone);
@@ -163,6 +191,20 @@ impl Network {
     }
 }
 
+/// From the identity-related features of a template's window to what is correlated, for `cls` and `reg`.
+fn template_maps<'a>(
+    layers: &Layers,
+    context: &mut Context,
+    threads: &Threads,
+    features: &Map,
+    neck: &'a mut NeckMaps,
+    [cls, reg]: &'a mut [DrMaps; 2],
+) -> [&'a Map; 2] {
+    layers.neck.template(context, threads, features, neck);
+    let encoder = &layers.encoder_after_neck;
+    [encoder.template(context, threads, &neck.cls, cls), encoder.template(context, threads, &neck.reg, reg)]
+}
+
 /// Which map the convolution `name` reads.
 fn input_map(architecture: &Architecture, name: &str) -> Option<&'static str> {
     let before_neck = architecture.encoder.filter(|e| e.position == EncoderPosition::BeforeNeck);
@@ -183,5 +225,38 @@ fn input_map(architecture: &Architecture, name: &str) -> Option<&'static str> {
         "head.reg2" => Some("head.reg1"),
         "head.reg3" => Some("head.reg2"),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kernels::Isa;
+    use weights_format::{Weights, Widths};
+
+    #[test]
+    fn the_window_at_the_middle_holds_what_a_template_crop_gives() {
+        let architecture = Architecture::new(Widths::pruned(0.9), None);
+        let (side, small) = (architecture.search_size, architecture.template_size);
+        let weights = Weights::random(architecture, 4);
+        let mut network = Network::new(Model::from_weights(&weights, Isa::detect()).unwrap(), 1);
+        let crop: Vec<u8> = (0..side * side * 3).map(|i| (i * i / 7 % 251) as u8).collect();
+        let edge = (side - small) / 2;
+        let row = |y: usize| &crop[((edge + y) * side + edge) * 3..][..small * 3];
+        let template: Vec<u8> = (0..small).flat_map(row).copied().collect();
+        network.set_template(&template);
+        let before = network.template.features().clone();
+        network.search(&crop);
+        let start = edge / Architecture::TOTAL_STRIDE;
+        network.update_template(start, start, 1.0);
+        let far = |network: &Network| {
+            let now = network.template.features();
+            let pairs = now.cls.values().iter().zip(before.cls.values());
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        let size = before.cls.values().iter().fold(0.0f32, |most, v| most.max(v.abs()));
+        assert!(far(&network) < 1e-3 * size, "{} of {size}", far(&network));
+        network.update_template(start, start + 1, 1.0);
+        assert!(far(&network) > 1e-2 * size, "a window beside it holds something else");
     }
 }

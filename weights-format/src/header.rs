@@ -130,6 +130,9 @@ pub struct TrackerParams {
     /// Share of the network's error in the first frame that is taken out of all later boxes; none if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub correction: f64,
+    /// Share of the target's later looks in the template; none if absent.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub template_update: f64,
 }
 
 fn is_zero(share: &f64) -> bool {
@@ -145,6 +148,7 @@ impl Default for TrackerParams {
             penalty_k: 0.05413758904760692,
             min_size: 10.0,
             correction: 0.0,
+            template_update: 0.0,
         }
     }
 }
@@ -291,6 +295,7 @@ impl Header {
         within("tracker.penalty_k", tracker.penalty_k, 0.0..=10.0)?;
         within("tracker.min_size", f64::from(tracker.min_size), 1.0..=1e4)?;
         within("tracker.correction", tracker.correction, 0.0..=1.0)?;
+        within("tracker.template_update", tracker.template_update, 0.0..=1.0)?;
         if let Some(calibration) = &self.calibration {
             self.check_calibration(calibration)?;
         }

@@ -72,6 +72,9 @@ pub struct EngineArgs {
     /// [default: the model's].
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub correction: Option<f64>,
+    /// Share of the target's later looks in the template, 0 to 1; 0 is the paper's tracker [default: the model's].
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub template_update: Option<f64>,
     /// How much of the search region is looked at.
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Search::Full)]
     pub search: Search,
@@ -101,11 +104,13 @@ impl EngineArgs {
     /// Weights as they are to run.
     pub fn model_of(&self, weights: &Weights) -> Result<Model, ModelError> {
         let precision = self.precision.unwrap_or_else(|| Precision::best(weights, self.isa()));
-        let Some(correction) = self.correction else {
+        if (self.correction, self.template_update) == (None, None) {
             return Model::with_precision(weights, self.isa(), precision);
-        };
+        }
         let mut weights = weights.clone();
-        weights.header.tracker.correction = correction;
+        let tracker = &mut weights.header.tracker;
+        tracker.correction = self.correction.unwrap_or(tracker.correction);
+        tracker.template_update = self.template_update.unwrap_or(tracker.template_update);
         Model::with_precision(&weights, self.isa(), precision)
     }
 
@@ -132,7 +137,7 @@ impl EngineArgs {
 /// What follows the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Mode {
-    /// The tracker as published: it always finds something.
+    /// The tracker alone: it always finds something. With --correction 0 --template-update 0 it is the one published.
     Paper,
     /// Knows when the target is lost, coasts, and finds it again.
     Flight,

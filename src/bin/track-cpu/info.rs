@@ -85,8 +85,14 @@ fn about(header: &Header) -> String {
     add(
         "tracker",
         format!(
-            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, correction {}",
-            t.context_amount, t.size_lr, t.window_influence, t.penalty_k, t.min_size, t.correction
+            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, correction {}, template_update {}",
+            t.context_amount,
+            t.size_lr,
+            t.window_influence,
+            t.penalty_k,
+            t.min_size,
+            t.correction,
+            t.template_update
         ),
     );
     add("input", format!("BGR, mean {:?}, std {:?}", header.input.mean, header.input.std));
@@ -134,6 +140,7 @@ fn as_json(header: &Header) -> Value {
             "penalty_k": t.penalty_k,
             "min_size": t.min_size,
             "correction": t.correction,
+            "template_update": t.template_update,
         },
         "parameters": a.parameters(),
         "macs_template": a.macs_template(),

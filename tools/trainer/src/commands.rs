@@ -8,7 +8,7 @@ use trainer::data::Dataset;
 use trainer::fit::{Fit, RunOptions, compute};
 use trainer::prune::{Ranks, prune as prune_by_rank};
 use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
-use trainer::tune::{SHARES, correction};
+use trainer::tune::{SHARES, correction, template_update};
 use trainer::validate::Validation;
 use weights_format::{Storage, Weights};
 
@@ -135,16 +135,29 @@ pub fn quantize(args: args::Measure) -> Result<(), Error> {
 }
 
 /// `tune`.
-pub fn tune(args: args::Measure) -> Result<(), Error> {
-    measure(args, |weights, dataset, pairs| {
+pub fn tune(args: args::Tune) -> Result<(), Error> {
+    let validation = Validation::open(&args.validate, 0, usize::MAX)?;
+    measure(args.measure, |weights, dataset, pairs| {
         let quality = correction(weights, dataset, pairs)?;
         for (share, iou) in SHARES.into_iter().zip(quality) {
             println!("correction {share:.1}: mean IoU {iou:.4}");
         }
-        let best = (0..SHARES.len()).max_by(|a, b| quality[*a].total_cmp(&quality[*b]));
-        weights.header.tracker.correction = best.map_or(0.0, |best| SHARES[best]);
+        weights.header.tracker.correction = best_share(&quality);
+        if !validation.is_empty() {
+            let quality = template_update(weights, &validation)?;
+            for (share, auc) in SHARES.into_iter().zip(quality) {
+                println!("template update {share:.1}: AUC {auc:.2}");
+            }
+            weights.header.tracker.template_update = best_share(&quality);
+        }
         Ok(())
     })
+}
+
+/// The share of the highest quality.
+fn best_share(quality: &[f64; SHARES.len()]) -> f64 {
+    let best = (0..SHARES.len()).max_by(|a, b| quality[*a].total_cmp(&quality[*b]));
+    best.map_or(0.0, |best| SHARES[best])
 }
 
 /// Adds to a weights file what is found out about it from data.

@@ -77,6 +77,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         "isa": args.engine.isa().name(),
         "precision": model.precision().name(),
         "correction": model.config().correction,
+        "template_update": model.config().template_update,
         "mode": args.mode.name(),
     });
     let log =

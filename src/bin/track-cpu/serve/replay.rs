@@ -37,12 +37,12 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let path = args.model.clone().or_else(|| text("model").map(PathBuf::from));
     let precision = text("precision").and_then(|name| Precision::from_name(&name));
     let precision = precision.ok_or_else(|| lines.wrong("names no known precision"))?;
-    let correction = head["correction"].as_f64();
     let engine_args = EngineArgs {
         threads: 1,
         isa: Some(isa),
         precision: Some(precision),
-        correction,
+        correction: head["correction"].as_f64(),
+        template_update: head["template_update"].as_f64(),
         search: Search::Full,
     };
     let mut engine = Engine::new(engine_args.model(path.as_deref())?, 1, mode)?;

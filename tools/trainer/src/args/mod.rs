@@ -38,8 +38,9 @@ pub enum Command {
     Export(Export),
     /// Measure a weights file's activations, so that it can run on bytes (int8)
     Quantize(Measure),
-    /// Choose what the tracker does with these weights: how much of its first error is taken out of later boxes
-    Tune(Measure),
+    /// Choose what the tracker does with these weights: how much of its first error is taken out of later boxes, and how
+    /// much of the target's later looks the template takes in
+    Tune(Tune),
     /// Write contact sheets of sampled pairs
     Show(Show),
 }
@@ -120,6 +121,16 @@ pub struct Measure {
     /// Rendered flights where none is given
     #[command(flatten)]
     pub data: Data,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Tune {
+    #[command(flatten)]
+    pub measure: Measure,
+    /// Folders of sequences on which the template's share of later looks is chosen; without, it stays as it is. Rendered
+    /// flights will not do: what is rendered always looks the same
+    #[arg(long, value_name = "DIR")]
+    pub validate: Vec<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]
