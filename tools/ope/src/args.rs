@@ -29,6 +29,7 @@ Examples:
   ope run --dataset dtb70 --root /data/DTB70 --out results
   ope run --dataset uavdt --root /data/UAVDT --out results --name kcf --tracker 'python3 kcf.py {frames} {init}'
   ope run --dataset uav123 --root /data/UAV123 --out results --name nano --tracker 'trax:python3 nano.py'
+  ope step --dataset folder --root my_videos
   ope score --dataset dtb70 --root /data/DTB70 --results results/DTB70/track-cpu
   ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
   ope compare --dataset dtb70 --root /data/DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
@@ -47,6 +48,8 @@ Exit codes:
 pub enum Command {
     /// Run a tracker over a benchmark: this repository's, or another program. Goes on where an earlier run ended.
     Run(RunArgs),
+    /// Put this repository's tracker near the target in every frame, and count how often it finds it.
+    Step(StepArgs),
     /// Make one folder of the results that shards wrote.
     Merge(MergeArgs),
     /// Hold a folder of results against a folder of annotations.
@@ -104,6 +107,23 @@ A tracker's command line may name
   {times}   the file to write the seconds of each frame to, if it can
 and runs once per sequence, without a shell. After `trax:` it is a program that speaks the TraX protocol, version 1 to 4,
 and takes pictures by path; it is started once per sequence, and its times include its reading of the pictures.";
+
+/// `step`.
+#[derive(Debug, clap::Args)]
+pub struct StepArgs {
+    /// The benchmark, as in `ope run`.
+    #[arg(short, long, value_name = "NAME", value_parser = Dataset::from_str)]
+    pub dataset: Dataset,
+    /// The folder it lies in.
+    #[arg(long, value_name = "DIR")]
+    pub root: PathBuf,
+    /// Weights file, or a built-in model: drmim-p50 (taken if absent) or drmim-p75, a third of the work for weak boards.
+    #[arg(short, long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// `merge`.
 #[derive(Debug, clap::Args)]

@@ -59,6 +59,13 @@ impl BBox {
     }
 }
 
+impl BBox {
+    /// As the tracker counts them, in single precision.
+    pub(crate) fn to_track_cpu(self) -> track_cpu::BBox {
+        track_cpu::BBox::new(self.x as f32, self.y as f32, self.w as f32, self.h as f32)
+    }
+}
+
 impl From<track_cpu::BBox> for BBox {
     fn from(b: track_cpu::BBox) -> BBox {
         BBox::new(b.x.into(), b.y.into(), b.w.into(), b.h.into())

@@ -10,6 +10,7 @@
 //! | benchmarks as they lie on disk | [`dataset`] |
 //! | rendered flights as a benchmark | [`render`] |
 //! | a tracker over a benchmark, ours or another program | [`run`] |
+//! | this repository's tracker, put near the target in every frame | [`step`] |
 //! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
 //! | several trackers: tables, plots, a page | [`compare`], [`plot`], [`report`] |
 //! | other toolkits' layouts | [`export`] |
@@ -33,6 +34,7 @@ pub mod results;
 pub mod run;
 pub mod score;
 pub mod speed;
+pub mod step;
 pub mod table;
 #[cfg(test)]
 mod testing;

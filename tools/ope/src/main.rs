@@ -11,6 +11,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     let done = match Args::read().command {
         Command::Run(args) => commands::run::run(&args),
+        Command::Step(args) => commands::step::run(&args),
         Command::Merge(args) => commands::run::merge(&args),
         Command::Score(args) => commands::score::run(&args),
         Command::Compare(args) => commands::compare::compare(&args),

@@ -5,6 +5,7 @@ pub mod export;
 pub mod render;
 pub mod run;
 pub mod score;
+pub mod step;
 
 use crate::args::TruthArgs;
 use ope::{Annotation, Error, Notes, annotations};

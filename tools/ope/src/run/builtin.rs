@@ -19,8 +19,7 @@ pub fn track(model: &Model, sequence: &Sequence, first: BBox) -> Result<Outcome,
         let frame = image.frame();
         let clock = Instant::now();
         let found = if outcome.boxes.is_empty() {
-            let given = track_cpu::BBox::new(first.x as f32, first.y as f32, first.w as f32, first.h as f32);
-            tracker.init(&frame, given).map(|()| first)
+            tracker.init(&frame, first.to_track_cpu()).map(|()| first)
         } else {
             tracker.update(&frame).map(|track| BBox::from(track.bbox))
         };

@@ -186,7 +186,7 @@ impl Runner {
 }
 
 /// A sequence could not be tracked.
-fn failure(sequence: &str, reason: impl ToString) -> Error {
+pub(crate) fn failure(sequence: &str, reason: impl ToString) -> Error {
     Error::Sequence { sequence: sequence.to_owned(), reason: brief(reason) }
 }
 

@@ -1,0 +1,104 @@
+//! One step at a time: whether the tracker finds a target that it was near in the frame before.
+//!
+//! In one-pass evaluation a single slip decides a sequence, so that its figures move by points where networks hardly differ.
+//! Here the tracker is put near the truth before every frame, off by a quarter of a side in changing directions, as a tracker that
+//! follows well would be; what it makes of each frame is counted. The template is the first frame's and what the model adds to
+//! it.
+
+use crate::bbox::BBox;
+use crate::dataset::Sequence;
+use crate::error::Error;
+use crate::run::{decode, failure};
+use serde::Serialize;
+use track_cpu::{Model, Tracker, TrackerOptions};
+
+/// How far off the tracker is put, in sides of the target (the root of its area).
+const OFF: f64 = 0.25;
+/// Angle by which the direction changes from frame to frame, in radians.
+const TURN: f64 = 2.4;
+/// Greatest distance of the centres, in sides of the target, at which it counts as found.
+const FOUND: f64 = 0.3;
+
+/// How the steps through one sequence went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Steps {
+    /// Frames that were looked at: those with the target, after one with it.
+    pub frames: usize,
+    /// Share of them in which it was found, in `[0, 1]`.
+    pub found: f64,
+    /// Mean IoU with the truth.
+    pub iou: f64,
+}
+
+/// Steps through a sequence on this thread.
+///
+/// # Errors
+/// If a picture cannot be read, or the first box is not one.
+pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
+    let annotation = &sequence.annotation;
+    let wrong = |reason: String| failure(&annotation.name, reason);
+    let mut tracker = Tracker::with_options(model.clone(), TrackerOptions::of(model));
+    let mut before: Option<BBox> = None;
+    let (mut steps, mut started) = (Steps::default(), false);
+    for (i, (path, truth)) in sequence.frames.iter().zip(&annotation.boxes).enumerate() {
+        let truth = (annotation.is_present(i) && truth.is_usable()).then_some(*truth);
+        let image = decode(path).map_err(wrong)?;
+        let frame = image.frame();
+        match (truth, before) {
+            (Some(truth), Some(before)) => {
+                let mut near = before.to_track_cpu().center();
+                let (off, angle) = (OFF * (before.w * before.h).sqrt(), TURN * i as f64);
+                near.cx += (off * angle.cos()) as f32;
+                near.cy += (off * angle.sin()) as f32;
+                tracker.place(near);
+                let found =
+                    BBox::from(tracker.update(&frame).map_err(|error| wrong(error.to_string()))?.bbox);
+                let (dx, dy) = found.offset(&truth);
+                steps.frames += 1;
+                steps.found += f64::from(dx.hypot(dy) < FOUND * (truth.w * truth.h).sqrt());
+                steps.iou += found.iou(&truth);
+            }
+            (Some(truth), None) if !started => {
+                tracker.init(&frame, truth.to_track_cpu()).map_err(|error| wrong(error.to_string()))?;
+                started = true;
+            }
+            _ => {}
+        }
+        before = truth;
+    }
+    let count = steps.frames.max(1) as f64;
+    Ok(Steps { frames: steps.frames, found: steps.found / count, iou: steps.iou / count })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Dataset;
+    use crate::notes::Notes;
+    use crate::render::Flights;
+    use crate::testing::Folder;
+    use scenes::Difficulty;
+    use track_cpu::Isa;
+
+    #[test]
+    fn an_easy_flight_is_found_in_every_frame_that_has_it() {
+        let folder = Folder::new("step");
+        let flights =
+            Flights { seed: 5, count: 1, frames: 8, size: (480, 270), difficulty: Difficulty::Easy };
+        flights.write(folder.path(), |_| {}).unwrap();
+        let dataset: Dataset = "folder".parse().unwrap();
+        let mut sequence = dataset.load(folder.path(), &mut Notes::default()).unwrap().remove(0);
+        let model = Model::builtin(Isa::detect());
+        let all = steps(&model, &sequence).unwrap();
+        assert_eq!((all.frames, all.found), (7, 1.0), "{all:?}");
+        assert!(all.iou > 0.6, "{all:?}");
+        // Without a box in one frame neither it nor the next, which would begin at it, is a step.
+        sequence.annotation.boxes[4].w = f64::NAN;
+        assert_eq!(steps(&model, &sequence).unwrap().frames, 5);
+        // Boxes that are elsewhere are not found.
+        for (i, bbox) in sequence.annotation.boxes.iter_mut().enumerate().skip(1) {
+            (bbox.x, bbox.y) = if i % 2 == 0 { (0.0, 0.0) } else { (440.0, 240.0) };
+        }
+        assert!(steps(&model, &sequence).unwrap().found < 0.5);
+    }
+}
