@@ -46,6 +46,7 @@ pub use error::{FrameError, ModelError, TrackError};
 pub use flight::{FlightOptions, FlightTrack, FlightTracker, State};
 pub use frame::{ChannelOrder, Frame};
 pub use kernels::Isa;
+pub use kernels::par::Cores;
 pub use model::{Model, Precision};
 pub use stages::Stages;
 pub use tracker::{SearchRegion, Track, Tracker, TrackerOptions};

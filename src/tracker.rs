@@ -11,6 +11,7 @@ use crate::model::Model;
 use crate::net::Network;
 use crate::select::{Choice, Selector};
 use crate::stages::{Lap, Stages};
+use kernels::par::{Cores, Threads};
 
 /// Follows one object from frame to frame.
 ///
@@ -46,6 +47,8 @@ pub(crate) struct Seen {
 pub struct TrackerOptions {
     /// Threads that one frame is spread over.
     pub threads: usize,
+    /// Processor cores that they are held on.
+    pub cores: Cores,
     /// Hyper-parameters.
     pub config: TrackConfig,
     /// How much of the search region is looked at.
@@ -55,7 +58,7 @@ pub struct TrackerOptions {
 impl TrackerOptions {
     /// One thread, the hyper-parameters that the model was made for, the whole search region.
     pub fn of(model: &Model) -> TrackerOptions {
-        TrackerOptions { threads: 1, config: model.config(), search: SearchRegion::Full }
+        TrackerOptions { threads: 1, cores: Cores::ANY, config: model.config(), search: SearchRegion::Full }
     }
 }
 
@@ -105,7 +108,7 @@ impl Tracker {
             config: options.config,
             selector: Selector::new(model.architecture()),
             adaptive: (options.search == SearchRegion::Adaptive).then(|| Adaptive::new(model.architecture())),
-            network: Network::new(model, options.threads),
+            network: Network::with_threads(model, Threads::pinned(options.threads, options.cores)),
             cropper: Cropper::default(),
             crop: Vec::new(),
             target: None,

@@ -1,11 +1,14 @@
-//! Threads, and the rows of a map split over them. The only file that names rayon.
+//! Threads, the processor cores they are held on, and the rows of a map split over them. The only file that names rayon and
+//! core_affinity.
 //!
 //! Work is split into contiguous blocks of output rows; every output value is computed by one thread in one order, so
 //! results do not depend on the number of threads.
 
+use core_affinity::CoreId;
+use std::str::FromStr;
 use std::sync::Arc;
 
-/// A set of worker threads that kernels run on; of one thread it is the caller's own.
+/// A set of worker threads that kernels run on; of one thread it is the caller's own, unless that is to be held on a core.
 #[derive(Debug)]
 pub struct Threads {
     workers: Option<Arc<rayon::ThreadPool>>,
@@ -19,10 +22,23 @@ impl Threads {
     /// `count` threads, held between 1 and [`MAX`](Self::MAX). Where the system refuses to start them, the caller's
     /// own thread does all the work.
     pub fn new(count: usize) -> Threads {
+        Threads::pinned(count, Cores::ANY)
+    }
+
+    /// As [`new`](Self::new), each thread held on one of the cores, in turn. A thread whose core the system refuses runs
+    /// anywhere.
+    pub fn pinned(count: usize, cores: Cores) -> Threads {
         let count = count.clamp(1, Self::MAX);
-        let builder =
+        let ids: Vec<usize> = cores.ids().collect();
+        let mut builder =
             rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(|i| format!("kernel-{i}"));
-        let workers = if count > 1 { builder.build().ok().map(Arc::new) } else { None };
+        if cores != Cores::ANY {
+            builder = builder.start_handler(move |i| {
+                core_affinity::set_for_current(CoreId { id: ids[i % ids.len()] });
+            });
+        }
+        let needed = count > 1 || cores != Cores::ANY;
+        let workers = if needed { builder.build().ok().map(Arc::new) } else { None };
         let count = if workers.is_some() { count } else { 1 };
         Threads { workers, count }
     }
@@ -106,9 +122,94 @@ fn split<T: Send>(
     );
 }
 
+/// A choice of processor cores, as the system numbers them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cores([u64; 4]);
+
+impl Cores {
+    /// No choice: threads run where the system puts them.
+    pub const ANY: Cores = Cores([0; 4]);
+
+    /// Those that this process may run on.
+    pub fn available() -> Cores {
+        let mut cores = Cores::ANY;
+        core_affinity::get_core_ids().unwrap_or_default().iter().for_each(|core| _ = cores.add(core.id));
+        cores
+    }
+
+    /// Their numbers, from the lowest.
+    pub fn ids(self) -> impl Iterator<Item = usize> {
+        (0..Threads::MAX).filter(move |id| self.0[id / 64] >> (id % 64) & 1 == 1)
+    }
+
+    /// Whether all of them are among others.
+    pub fn within(self, others: Cores) -> bool {
+        self.ids().all(|id| others.0[id / 64] >> (id % 64) & 1 == 1)
+    }
+
+    fn add(&mut self, id: usize) -> Option<()> {
+        *self.0.get_mut(id / 64)? |= 1 << (id % 64);
+        Some(())
+    }
+}
+
+impl std::fmt::Display for Cores {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.ids().map(|id| id.to_string()).collect::<Vec<_>>().join(","))
+    }
+}
+
+/// From a list as `taskset` takes it: `0,2,4-7`.
+impl FromStr for Cores {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Cores, String> {
+        let parse = || {
+            let mut cores = Cores::ANY;
+            for part in text.split(',') {
+                let (first, last) = part.split_once('-').unwrap_or((part, part));
+                let (first, last): (usize, usize) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
+                if first > last || last >= Threads::MAX {
+                    return None;
+                }
+                (first..=last).try_for_each(|id| cores.add(id))?;
+            }
+            Some(cores)
+        };
+        parse().ok_or_else(|| format!("expected cores as in 2,3 or 4-7, found {text:?}"))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cores_by_name() {
+        let cores: Cores = "0,2,4-6".parse().unwrap();
+        assert!(cores.ids().eq([0, 2, 4, 5, 6]));
+        assert_eq!(cores.to_string(), "0,2,4,5,6");
+        assert!(
+            "2,5".parse::<Cores>().unwrap().within(cores) && !"3".parse::<Cores>().unwrap().within(cores)
+        );
+        for bad in ["", "a", "3-1", "256", "1,", "-1", "99999999999999999999"] {
+            assert!(bad.parse::<Cores>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn threads_stay_on_their_cores() {
+        let all: Vec<usize> = Cores::available().ids().collect();
+        let Some(last) = all.last() else { return };
+        let only: Cores = last.to_string().parse().unwrap();
+        for count in [1, 2] {
+            let threads = Threads::pinned(count, only);
+            assert_eq!(threads.count(), count);
+            let found = threads.enter(|| rayon::broadcast(|_| Cores::available()));
+            assert!(found.iter().all(|cores| *cores == only), "{count} threads: {found:?}");
+        }
+        assert!(Cores::available().ids().eq(all), "the caller's own thread is not held");
+    }
 
     #[test]
     fn every_row_once() {

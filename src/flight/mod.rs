@@ -96,8 +96,8 @@ impl FlightTracker {
 
     /// A tracker with other presence coefficients.
     pub fn with_presence(model: Model, options: FlightOptions, presence: Presence) -> FlightTracker {
-        let tracker_options =
-            TrackerOptions { threads: options.threads, config: options.config, search: SearchRegion::Full };
+        let FlightOptions { threads, cores, config, .. } = options;
+        let tracker_options = TrackerOptions { threads, cores, config, search: SearchRegion::Full };
         FlightTracker {
             tracker: Tracker::with_options(model, tracker_options),
             options,

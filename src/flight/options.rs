@@ -3,6 +3,7 @@
 use crate::bbox::BBox;
 use crate::config::TrackConfig;
 use crate::model::Model;
+use kernels::par::Cores;
 use std::time::Duration;
 
 /// How sure the tracker is of its target.
@@ -43,6 +44,8 @@ impl State {
 pub struct FlightOptions {
     /// Threads that one frame is spread over.
     pub threads: usize,
+    /// Processor cores that they are held on.
+    pub cores: Cores,
     /// Hyper-parameters of the paper's tracker.
     pub config: TrackConfig,
     /// Presence from which on the target counts as seen.
@@ -66,6 +69,7 @@ impl FlightOptions {
     pub fn new(model: &Model) -> FlightOptions {
         FlightOptions {
             threads: 1,
+            cores: Cores::ANY,
             config: model.config(),
             present: 0.5,
             sure: 0.8,

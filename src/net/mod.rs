@@ -47,7 +47,11 @@ pub struct Network {
 impl Network {
     /// A network without a template; `threads` as [`Threads::new`] takes it.
     pub fn new(model: Model, threads: usize) -> Network {
-        let threads = Threads::new(threads);
+        Network::with_threads(model, Threads::new(threads))
+    }
+
+    /// A network without a template on given threads.
+    pub fn with_threads(model: Model, threads: Threads) -> Network {
         let cells = model.architecture().score_size().pow(2);
         let outputs = Outputs { score: vec![0.0; cells], ltrb: vec![0.0; 4 * cells] };
         let scratch = Scratch::new(model.isa());

@@ -7,7 +7,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use kernels::conv::Algorithm;
 use scenes::Difficulty;
 use track_cpu::source::{PixelFormat, RawFormat};
-use track_cpu::{BBox, Isa, Model, ModelError, Precision, SearchRegion, TrackerOptions};
+use track_cpu::{BBox, Cores, Isa, Model, ModelError, Precision, SearchRegion, TrackerOptions};
 use weights_format::{Architecture, Calibration, Encoder, LayerKind, Range, Weights, Widths};
 
 /// Follows one object through video on a CPU.
@@ -61,6 +61,9 @@ pub struct EngineArgs {
     /// Threads that work on one frame.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = threads)]
     pub threads: usize,
+    /// Processor cores to hold these threads on, in turn, as in 2,3 or 4-7 [default: where the system puts them].
+    #[arg(long, value_name = "CORES", value_parser = cores)]
+    pub pin: Option<Cores>,
     /// Instruction set, of those that `track-cpu doctor` lists [default: the fastest].
     #[arg(long, value_name = "NAME", value_parser = isa)]
     pub isa: Option<Isa>,
@@ -114,13 +117,18 @@ impl EngineArgs {
         Model::with_precision(&weights, self.isa(), precision)
     }
 
+    /// The cores to be held on.
+    pub fn cores(&self) -> Cores {
+        self.pin.unwrap_or_default()
+    }
+
     /// How a tracker of the model is to run.
     pub fn options(&self, model: &Model) -> TrackerOptions {
         let search = match self.search {
             Search::Full => SearchRegion::Full,
             Search::Auto => SearchRegion::Adaptive,
         };
-        TrackerOptions { threads: self.threads, search, ..TrackerOptions::of(model) }
+        TrackerOptions { threads: self.threads, cores: self.cores(), search, ..TrackerOptions::of(model) }
     }
 
     /// Random weights as they are to run; bytes only if asked for, with ranges out of the air.
@@ -450,6 +458,12 @@ fn trax_version(text: &str) -> Result<u32, String> {
 
 fn threads(text: &str) -> Result<usize, String> {
     number_in(text, 1, 256)
+}
+
+fn cores(text: &str) -> Result<Cores, String> {
+    let (cores, available): (Cores, _) = (text.parse()?, Cores::available());
+    let is_there = available == Cores::ANY || cores.within(available); // where the system does not tell, it decides later
+    if is_there { Ok(cores) } else { Err(format!("expected some of the cores {available}, found {cores}")) }
 }
 
 fn share(text: &str) -> Result<f64, String> {

@@ -35,7 +35,8 @@ impl Follower {
         Ok(match mode {
             Mode::Paper => Follower::Paper(Box::new(Tracker::with_options(model, options))),
             Mode::Flight => {
-                let options = FlightOptions { threads: engine.threads, ..FlightOptions::new(&model) };
+                let (threads, cores) = (engine.threads, engine.cores());
+                let options = FlightOptions { threads, cores, ..FlightOptions::new(&model) };
                 Follower::Flight(Box::new(FlightTracker::new(model, options)?))
             }
         })

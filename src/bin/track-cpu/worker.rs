@@ -6,6 +6,7 @@
 use std::io::{BufRead, Write};
 use std::time::Instant;
 
+use kernels::par::Threads;
 use track_cpu::net::Network;
 use track_cpu::source::SourceError;
 
@@ -20,7 +21,7 @@ const MAX_PASSES: usize = 1_000_000;
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let model = bench::model(args)?;
     let (template_side, search_side) = (model.architecture().template_size, model.architecture().search_size);
-    let mut network = Network::new(model, args.engine.threads);
+    let mut network = Network::with_threads(model, Threads::pinned(args.engine.threads, args.engine.cores()));
     network.set_template(&noise(template_side));
     let crop = noise(search_side);
     for _ in 0..8 {

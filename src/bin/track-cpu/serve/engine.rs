@@ -4,7 +4,7 @@ use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{BBox, Frame, Model, State, TrackError};
 
 use super::report::Tracked;
-use crate::args::Mode;
+use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 
 /// A tracker that may have no target.
@@ -16,8 +16,10 @@ pub struct Engine {
 impl Engine {
     /// # Errors
     /// If the model's presence coefficients are wrong.
-    pub fn new(model: Model, threads: usize, mode: Mode) -> Result<Engine, Failure> {
-        let options = FlightOptions { threads, recover: mode == Mode::Flight, ..FlightOptions::new(&model) };
+    pub fn new(model: Model, args: &EngineArgs, mode: Mode) -> Result<Engine, Failure> {
+        let (threads, cores) = (args.threads, args.cores());
+        let options =
+            FlightOptions { threads, cores, recover: mode == Mode::Flight, ..FlightOptions::new(&model) };
         Ok(Engine { tracker: FlightTracker::new(model, options)?, mode })
     }
 

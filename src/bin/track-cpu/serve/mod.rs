@@ -82,7 +82,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     });
     let log =
         args.log.as_deref().map(|path| Log::create(path, args.log_frames.as_deref(), &head)).transpose()?;
-    let engine = Engine::new(model, args.engine.threads, args.mode)?;
+    let engine = Engine::new(model, &args.engine, args.mode)?;
     let hub = Arc::new(Hub::new());
     let stopper = Arc::clone(&hub);
     ctrlc::set_handler(move || stopper.stop())

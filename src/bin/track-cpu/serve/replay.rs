@@ -39,13 +39,14 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let precision = precision.ok_or_else(|| lines.wrong("names no known precision"))?;
     let engine_args = EngineArgs {
         threads: 1,
+        pin: None,
         isa: Some(isa),
         precision: Some(precision),
         correction: head["correction"].as_f64(),
         template_update: head["template_update"].as_f64(),
         search: Search::Full,
     };
-    let mut engine = Engine::new(engine_args.model(path.as_deref())?, 1, mode)?;
+    let mut engine = Engine::new(engine_args.model(path.as_deref())?, &engine_args, mode)?;
     let mut frames = match &args.frames {
         Some(folder) => Frames::Saved(folder.clone()),
         None => Frames::open(&text("input").unwrap_or_default(), &head, &lines)?,
