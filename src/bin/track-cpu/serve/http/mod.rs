@@ -17,7 +17,6 @@ mod video;
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -86,7 +85,7 @@ pub fn start(args: &HttpArgs, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, Fai
         let (video, hub) = (Arc::clone(&video), Arc::clone(hub));
         std::thread::spawn(move || video.encode(&hub))
     };
-    let site = Arc::new(Site { token, hub: Arc::clone(hub), video, connections: AtomicUsize::new(0) });
+    let site = Arc::new(Site { token, hub: Arc::clone(hub), video, places: Arc::new(()) });
     let listening = std::thread::spawn(move || {
         while !site.hub.is_stopping() {
             match listener.accept() {
@@ -108,20 +107,20 @@ struct Site {
     token: String,
     hub: Arc<Hub>,
     video: Arc<Video>,
-    connections: AtomicUsize,
+    places: Arc<()>, // every connection holds one
 }
 
 impl Site {
     /// Gives a connection a thread of its own; a client that has gone is no fault of ours.
     fn welcome(self: &Arc<Site>, mut stream: TcpStream) {
-        if self.connections.fetch_add(1, Ordering::SeqCst) >= MAX_CONNECTIONS {
-            self.connections.fetch_sub(1, Ordering::SeqCst);
-            return;
+        let (site, place) = (Arc::clone(self), Arc::clone(&self.places));
+        if Arc::strong_count(&place) - 2 >= MAX_CONNECTIONS {
+            return; // `places` itself and `place` are two
         }
-        let site = Arc::clone(self);
-        std::thread::spawn(move || {
+        // Where the system refuses a thread, the client is refused.
+        let _ = std::thread::Builder::new().spawn(move || {
+            let _place = place; // given back even if the thread panics
             let _ = site.answer(&mut stream);
-            site.connections.fetch_sub(1, Ordering::SeqCst);
         });
     }
 
