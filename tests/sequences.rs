@@ -80,7 +80,7 @@ fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> (f32, f32) {
 fn accuracy_of_the_built_in_models() {
     let Some(root) = common::shared("data/dev_seqs") else { return };
     // Figures of each built-in model on the day that it was built in.
-    let expected = [("drmim-p50", [92.4, 73.2, 89.9, 69.3]), ("drmim-p75", [90.3, 71.4, 87.1, 67.2])];
+    let expected = [("drmim-p50", [93.3, 74.8, 91.1, 71.6]), ("drmim-p75", [94.6, 75.1, 92.8, 72.1])];
     assert!(Model::builtin_names().eq(expected.iter().map(|(name, _)| *name)));
     for (name, expected) in expected {
         let weights = Model::find(Some(Path::new(name))).unwrap();
@@ -89,8 +89,7 @@ fn accuracy_of_the_built_in_models() {
         for (found, expected) in f32.into_iter().zip(expected) {
             assert!(found >= expected - 1.5, "{name}: found {found:.1}, expected at least {expected} - 1.5");
         }
-        // Precision moves by a third of a point if one of the 15 targets is lost a few frames earlier.
-        for ((int8, f32), most) in int8.into_iter().zip(f32).zip([1.0, 0.5, 1.0, 0.5]) {
+        for ((int8, f32), most) in int8.into_iter().zip(f32).zip([0.5; 4]) {
             assert!(int8 >= f32 - most, "{name}: int8 gives {int8:.1}, f32 {f32:.1}");
         }
     }
