@@ -1,14 +1,11 @@
 //! A smaller search region while the target is easy to follow.
 //!
-//! The network is fully convolutional: a smaller crop at the same scale gives the middle of the score map, at the cost of its own
-//! area alone. So while the target is surely found near the middle of the region, frame after frame, the border of the region is
+//! While the target is surely found near the middle of the region, frame after frame, the border of the region is
 //! not looked at; once it is not, the same frame is searched again in full.
 
-use crate::select::{Choice, Selector};
+use crate::select::Choice;
 use weights_format::Architecture;
 
-/// Side of the smaller crop, as a share of the full one: 239 of 303 pixels, and 0.62 of the work.
-const SHARE: f64 = 239.0 / 303.0;
 /// Frames in a row that must be calm before the region shrinks.
 const PATIENCE: u32 = 3;
 /// Least score of a calm frame,
@@ -19,26 +16,12 @@ const PENALTY: f64 = 0.95;
 const SHIFT: f64 = 2.0;
 
 /// Decides how much of the region is searched.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Adaptive {
-    /// Side of the smaller crop, in pixels.
-    pub side: usize,
-    /// For the smaller score map.
-    pub selector: Selector,
     calm: u32, // frames in a row
 }
 
 impl Adaptive {
-    /// Begins with the full region.
-    pub(crate) fn new(architecture: &Architecture) -> Adaptive {
-        let cell = Architecture::TOTAL_STRIDE;
-        let full = architecture.search_size;
-        // Whole cells less on every side.
-        let less = ((1.0 - SHARE) * full as f64 / (2 * cell) as f64).round() as usize;
-        let less = less.min((architecture.score_size() - 1) / 2);
-        Adaptive { side: full - 2 * cell * less, selector: Selector::new(architecture).within(less), calm: 0 }
-    }
-
     /// Whether the smaller region will do for the next frame.
     pub(crate) fn is_calm(&self) -> bool {
         self.calm >= PATIENCE
@@ -63,26 +46,15 @@ impl Adaptive {
 mod tests {
     use super::*;
     use crate::bbox::CenterBox;
-    use weights_format::Widths;
 
     fn choice(cx: f32, score: f64) -> Choice {
         let bbox = CenterBox { cx, cy: 151.0, w: 60.0, h: 60.0 };
-        Choice { index: 0, bbox, score, penalty: 1.0, penalized_score: score }
-    }
-
-    #[test]
-    fn the_smaller_map_is_the_middle_of_the_full_one() {
-        let architecture = Architecture::new(Widths::FULL, None);
-        let adaptive = Adaptive::new(&architecture);
-        assert_eq!((adaptive.side, adaptive.selector.side()), (239, 9));
-        let small = Architecture { search_size: 239, ..architecture };
-        assert_eq!(small.score_size(), 9);
-        assert_eq!(adaptive.selector.geometry(), (small.score_offset() as f64, 119.0));
+        Choice { index: 0, bbox, score, response: 0.0, penalty: 1.0, penalized_score: score }
     }
 
     #[test]
     fn calm_comes_slowly_and_goes_at_once() {
-        let mut adaptive = Adaptive::new(&Architecture::new(Widths::FULL, None));
+        let mut adaptive = Adaptive::default();
         for (cx, score) in [(151.0, 0.9), (160.0, 0.5), (140.0, 0.6)] {
             assert!(!adaptive.is_calm());
             assert!(adaptive.note(Some(&choice(cx, score)), 151.0));

@@ -21,6 +21,9 @@ pub struct TrackConfig {
     /// Share of the target's later looks in the template, in `[0, 1]`; 0 is the paper's tracker, which keeps the first
     /// frame's.
     pub template_update: f64,
+    /// Share of the online filter's response in the score that chooses a cell, in `[0, 1]`; 0 is the paper's tracker, which learns
+    /// no filter and looks no wider when it has lost its target.
+    pub online_filter: f64,
 }
 
 impl From<&TrackerParams> for TrackConfig {
@@ -33,6 +36,7 @@ impl From<&TrackerParams> for TrackConfig {
             min_size: p.min_size,
             correction: p.correction,
             template_update: p.template_update,
+            online_filter: p.online_filter,
         }
     }
 }

@@ -29,10 +29,12 @@ pub mod config;
 mod correction;
 pub mod crop;
 pub mod error;
+mod extent;
 pub mod flight;
 pub mod frame;
 pub mod model;
 pub mod net;
+mod online;
 pub mod scratch;
 mod select;
 #[cfg(feature = "source")]

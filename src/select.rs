@@ -3,6 +3,7 @@
 use crate::bbox::CenterBox;
 use crate::config::TrackConfig;
 use crate::net::Outputs;
+use crate::online::Spot;
 use weights_format::Architecture;
 
 /// What does not change from frame to frame: the cells' centres and the cosine window.
@@ -22,6 +23,8 @@ pub(crate) struct Choice {
     pub bbox: CenterBox,
     /// Score times centerness.
     pub score: f64,
+    /// What the online filter says there; 0 without one.
+    pub response: f64,
     /// How little size and aspect changed, in `(0, 1]`.
     pub penalty: f64,
     /// Penalized score blended with the window: what was maximised.
@@ -40,12 +43,15 @@ impl Selector {
         }
     }
 
-    /// For the crop that is `less` cells smaller on every side: the same cells with the same window.
-    pub(crate) fn within(&self, less: usize) -> Selector {
+    /// For the crop that is `more` cells larger on every side, or smaller: the same cells with the same window, which is 0 beyond
+    /// its ends.
+    pub(crate) fn resized(&self, more: isize) -> Selector {
+        let at = |i: isize| usize::try_from(i).ok().and_then(|i| self.hann.get(i)).copied().unwrap_or(0.0);
+        let end = self.hann.len() as isize + more;
         Selector {
             offset: self.offset,
-            hann: self.hann[less..self.hann.len() - less].to_vec(),
-            crop_middle: self.crop_middle - (less * Architecture::TOTAL_STRIDE) as f64,
+            hann: (-more..end).map(at).collect(),
+            crop_middle: self.crop_middle + (more * Architecture::TOTAL_STRIDE as isize) as f64,
         }
     }
 
@@ -76,9 +82,17 @@ impl Selector {
 
     /// The cell with the highest windowed score for a target that was `w` x `h` crop pixels, the first one on a tie.
     ///
-    /// Cells whose numbers are not finite are passed over; `None` if that leaves no cell.
-    pub(crate) fn choose(&self, outputs: &Outputs, w: f64, h: f64, config: &TrackConfig) -> Option<Choice> {
+    /// `response` is the online filter's, a square map with the score map in its middle, or empty. Cells whose numbers are not finite are passed over; `None` if that leaves no cell.
+    pub(crate) fn choose(
+        &self,
+        outputs: &Outputs,
+        response: &[f32],
+        [w, h]: [f64; 2],
+        config: &TrackConfig,
+    ) -> Option<Choice> {
         let n = self.hann.len();
+        let share = if response.is_empty() { 0.0 } else { config.online_filter };
+        let (side, border) = self.response_geometry(response);
         let mut best: Option<Choice> = None;
         for (index, (score, ltrb)) in outputs.score.iter().zip(outputs.ltrb.chunks_exact(4)).enumerate() {
             let (row, column) = (index / n, index % n);
@@ -86,14 +100,41 @@ impl Selector {
             let penalty = penalty(bbox.w.into(), bbox.h.into(), w, h, config.penalty_k);
             let score = f64::from(*score);
             let window = self.hann[row] * self.hann[column];
+            let at = (row + border) * side + column + border;
+            let response = response.get(at).map_or(0.0, |response| f64::from(*response));
+            let mixed = (1.0 - share) * score + share * response.clamp(0.0, 1.0);
             let penalized_score =
-                penalty * score * (1.0 - config.window_influence) + config.window_influence * window;
+                penalty * mixed * (1.0 - config.window_influence) + config.window_influence * window;
             let finite = penalized_score.is_finite() && bbox.w.is_finite() && bbox.h.is_finite();
             if finite && best.is_none_or(|b| penalized_score > b.penalized_score) {
-                best = Some(Choice { index, bbox, score, penalty, penalized_score });
+                best = Some(Choice { index, bbox, score, response, penalty, penalized_score });
             }
         }
         best
+    }
+
+    /// Side of a square response that has the score map in its middle, and its cells before the score map's first.
+    fn response_geometry(&self, response: &[f32]) -> (usize, usize) {
+        let side = response.len().isqrt();
+        (side, side.saturating_sub(self.hann.len()) / 2)
+    }
+
+    /// Where a box of crop pixels lies in the online filter's response.
+    pub(crate) fn spot(&self, bbox: &CenterBox, response: &[f32]) -> Spot {
+        let (_, border) = self.response_geometry(response);
+        let stride = Architecture::TOTAL_STRIDE as f64;
+        let cell = |center: f32| ((f64::from(center) - self.offset) / stride + border as f64) as f32;
+        let side = (f64::from(bbox.w) * f64::from(bbox.h)).sqrt() / stride;
+        Spot { row: cell(bbox.cy), column: cell(bbox.cx), side: side as f32 }
+    }
+
+    /// What the online filter says about a box of crop pixels; 0 without one.
+    pub(crate) fn response_at(&self, bbox: &CenterBox, response: &[f32]) -> f64 {
+        let (side, _) = self.response_geometry(response);
+        let Spot { row, column, .. } = self.spot(bbox, response);
+        let [row, column] =
+            [row, column].map(|at| (at.round().max(0.0) as usize).min(side.saturating_sub(1)));
+        response.get(row * side + column).map_or(0.0, |response| f64::from(*response))
     }
 
     /// The box of one cell in crop pixels from its four offsets; its width counts both end pixels.
@@ -176,7 +217,7 @@ mod tests {
         assert!((penalty - 0.9854368).abs() < 1e-7, "{penalty}");
         let mut outputs = outputs([24.5, 39.5, 24.5, 39.5]);
         outputs.score[8 * 17 + 8] = 0.6;
-        let choice = selector.choose(&outputs, 40.0 * scale, 80.0 * scale, &config).unwrap();
+        let choice = selector.choose(&outputs, &[], [40.0 * scale, 80.0 * scale], &config).unwrap();
         assert_eq!(choice.index, 8 * 17 + 8);
         assert!((choice.penalized_score - 0.6858981).abs() < 1e-7, "{choice:?}");
         let target = CenterBox { cx: 119.5, cy: 89.5, w: 40.0, h: 80.0 };
@@ -203,7 +244,7 @@ mod tests {
         o.score[5] = 1.0;
         o.score[3] = 1.0;
         let config = TrackConfig { window_influence: 0.0, ..TrackConfig::default() };
-        assert_eq!(s.choose(&o, 21.0, 21.0, &config).unwrap().index, 3);
+        assert_eq!(s.choose(&o, &[], [21.0, 21.0], &config).unwrap().index, 3);
     }
 
     #[test]
@@ -212,8 +253,8 @@ mod tests {
         let mut o = outputs([10.0; 4]);
         o.ltrb[4 * 144] = f32::NAN; // the middle cell, which the window prefers
         o.score[143] = f32::INFINITY;
-        let choice = s.choose(&o, 21.0, 21.0, &config).unwrap();
+        let choice = s.choose(&o, &[], [21.0, 21.0], &config).unwrap();
         assert!(choice.index != 144 && choice.index != 143 && choice.penalized_score.is_finite());
-        assert_eq!(s.choose(&outputs([f32::INFINITY; 4]), 21.0, 21.0, &config), None);
+        assert_eq!(s.choose(&outputs([f32::INFINITY; 4]), &[], [21.0, 21.0], &config), None);
     }
 }

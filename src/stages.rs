@@ -17,6 +17,8 @@ pub struct Stages {
     pub xcorr: Duration,
     /// The two towers and their outputs.
     pub head: Duration,
+    /// Response of the online filter, and what it learns.
+    pub filter: Duration,
     /// From the outputs to the box.
     pub select: Duration,
 }
@@ -31,6 +33,7 @@ impl Stages {
             ("neck", self.neck),
             ("xcorr", self.xcorr),
             ("head", self.head),
+            ("filter", self.filter),
             ("select", self.select),
         ]
         .into_iter()

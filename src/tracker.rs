@@ -6,9 +6,11 @@ use crate::config::TrackConfig;
 use crate::correction::Correction;
 use crate::crop::{self, Cropper, Region};
 use crate::error::TrackError;
+use crate::extent::{Extent, Views};
 use crate::frame::Frame;
 use crate::model::Model;
 use crate::net::Network;
+use crate::online::OnlineFilter;
 use crate::select::{Choice, Selector};
 use crate::stages::{Lap, Stages};
 use kernels::par::{Cores, Threads};
@@ -20,7 +22,8 @@ use kernels::par::{Cores, Threads};
 pub struct Tracker {
     config: TrackConfig,
     network: Network,
-    selector: Selector,
+    views: Views,
+    filter: OnlineFilter,
     adaptive: Option<Adaptive>,
     cropper: Cropper,
     crop: Vec<u8>,
@@ -38,8 +41,8 @@ pub(crate) struct Seen {
     pub scale: f64,
     /// The cell that it chose, if any was usable.
     pub choice: Option<Choice>,
-    /// Whether it looked at the inner part of the region alone.
-    inner: bool,
+    /// How much of the region it looked at.
+    extent: Extent,
 }
 
 /// How a tracker is to run.
@@ -92,8 +95,14 @@ struct Target {
     correction: Correction,
 }
 
-/// Score from which on the template is updated.
+/// Score from which on the template is updated; the filter learns from here on by its own response, too.
 const LEARNT_FROM: f64 = 0.3;
+/// Score below which the target is looked for in a wider region, if there is a filter that knows it,
+const SLIPPED: f64 = 0.15;
+/// and what it must have there: as penalized score,
+const REGAINED_SCORE: f64 = 0.3;
+/// and as the filter's response.
+const REGAINED_RESPONSE: f64 = 0.4;
 
 impl Tracker {
     /// A tracker with [`TrackerOptions::of`] the model.
@@ -106,8 +115,9 @@ impl Tracker {
     pub fn with_options(model: Model, options: TrackerOptions) -> Tracker {
         Tracker {
             config: options.config,
-            selector: Selector::new(model.architecture()),
-            adaptive: (options.search == SearchRegion::Adaptive).then(|| Adaptive::new(model.architecture())),
+            views: Views::new(model.architecture()),
+            filter: OnlineFilter::default(),
+            adaptive: (options.search == SearchRegion::Adaptive).then(Adaptive::default),
             network: Network::with_threads(model, Threads::pinned(options.threads, options.cores)),
             cropper: Cropper::default(),
             crop: Vec::new(),
@@ -138,21 +148,24 @@ impl Tracker {
         if let Some(adaptive) = &mut self.adaptive {
             adaptive.reset();
         }
-        if self.config.correction > 0.0 {
+        self.filter.clear();
+        if self.config.correction > 0.0 || self.config.online_filter > 0.0 {
             target.correction = self.first_look(frame, &target);
         }
         self.target = Some(target);
         Ok(())
     }
 
-    /// How the network errs about a target whose true box is known.
+    /// How the network errs about a target whose true box is known; the filter learns it.
     fn first_look(&mut self, frame: &Frame<'_>, target: &Target) -> Correction {
         let config = self.config;
-        let Seen { scale, choice, .. } = self.search(frame, target, 1.0, false, &config);
-        choice.map_or(Correction::NONE, |choice| {
-            let truth = self.selector.in_crop(&target.bbox, scale);
-            Correction::between(&choice.bbox, &truth, config.correction)
-        })
+        let Seen { scale, choice, .. } = self.search(frame, target, 1.0, Extent::Full, &config);
+        let selector = &self.views.of(Extent::Full).selector;
+        let truth = selector.in_crop(&target.bbox, scale);
+        if config.online_filter > 0.0 {
+            self.filter.begin(&self.network, |response| selector.spot(&truth, response));
+        }
+        choice.map_or(Correction::NONE, |choice| Correction::between(&choice.bbox, &truth, config.correction))
     }
 
     /// Finds the target in the next frame, near where it was, and learns how it looks now.
@@ -162,53 +175,79 @@ impl Tracker {
     /// # Errors
     /// If there is no target yet.
     pub fn update(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
+        let before = self.target.ok_or(TrackError::NoTarget)?;
         let track = self.find(frame)?;
-        self.update_template();
+        if self.config.online_filter > 0.0 && f64::from(track.score) < SLIPPED {
+            return Ok(self.look_wider(frame, before).unwrap_or(track));
+        }
+        self.learn();
         Ok(track)
     }
 
     /// Finds the target, near where it was.
     pub(crate) fn find(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
-        let mut target = self.target.ok_or(TrackError::NoTarget)?;
+        let target = self.target.ok_or(TrackError::NoTarget)?;
         let config = self.config;
-        let mut inner = self.adaptive.as_ref().is_some_and(Adaptive::is_calm);
-        let mut seen = self.search(frame, &target, 1.0, inner, &config);
-        let (_, middle) = selector_of(&self.selector, &self.adaptive, inner).geometry();
+        let calm = self.adaptive.as_ref().is_some_and(Adaptive::is_calm);
+        let extent = if calm { Extent::Inner } else { Extent::Full };
+        let mut seen = self.search(frame, &target, 1.0, extent, &config);
+        let (_, middle) = self.views.of(extent).selector.geometry();
         if let Some(adaptive) = &mut self.adaptive
             && !adaptive.note(seen.choice.as_ref(), middle)
-            && inner
+            && calm
         {
-            inner = false;
-            seen = self.search(frame, &target, 1.0, inner, &config);
+            seen = self.search(frame, &target, 1.0, Extent::Full, &config);
         }
-        let Seen { scale, choice, .. } = seen;
-        if let Some(choice) = &choice {
-            let selector = selector_of(&self.selector, &self.adaptive, inner);
-            target.bbox = selector.smooth(choice, &target.bbox, scale, &config);
-        }
-        target.bbox = target.bbox.clamped(frame.width(), frame.height(), config.min_size);
-        self.target = Some(target);
-
-        let (score, penalized_score) =
-            choice.map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
-        Ok(Track { bbox: target.bbox.corner(), score, penalized_score })
+        Ok(self.follow(frame, target, &seen))
     }
 
-    /// Lets the template take in what the last search chose, if that was found well enough.
-    pub(crate) fn update_template(&mut self) {
-        let share = self.config.template_update as f32;
-        let Some(Seen { choice: Some(choice), inner, .. }) = self.seen else { return };
-        if share == 0.0 || choice.score < LEARNT_FROM {
-            return;
+    /// Looks once more, farther around, for a target that was not found where it should be: it may have moved faster than the
+    /// search region reaches. It is only taken for found if the network and the filter agree, and then from where it was
+    /// `before`.
+    fn look_wider(&mut self, frame: &Frame<'_>, before: Target) -> Option<Track> {
+        let anywhere = TrackConfig { window_influence: 0.0, ..self.config };
+        let seen = self.search(frame, &before, 1.0, Extent::Wide, &anywhere);
+        let regained = seen.choice.is_some_and(|choice| {
+            choice.score * choice.penalty >= REGAINED_SCORE && choice.response >= REGAINED_RESPONSE
+        });
+        regained.then(|| self.follow(frame, before, &seen))
+    }
+
+    /// Takes what a search chose for the target's new box.
+    fn follow(&mut self, frame: &Frame<'_>, mut target: Target, seen: &Seen) -> Track {
+        if let Some(choice) = &seen.choice {
+            let selector = &self.views.of(seen.extent).selector;
+            target.bbox = selector.smooth(choice, &target.bbox, seen.scale, &self.config);
         }
+        target.bbox = target.bbox.clamped(frame.width(), frame.height(), self.config.min_size);
+        self.target = Some(target);
+        let (score, penalized_score) =
+            seen.choice.map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
+        Track { bbox: target.bbox.corner(), score, penalized_score }
+    }
+
+    /// Learns how the target looks from what the last search chose, if that was found well enough.
+    pub(crate) fn learn(&mut self) {
+        let Some(seen @ Seen { choice: Some(choice), extent, .. }) = self.seen else { return };
+        let selector = &self.views.of(extent).selector;
         let mut lap = Lap::start();
-        let (template, search) = self.network.identity();
-        let (cells, reach) = (template.size().h, search.size().h);
-        let selector = selector_of(&self.selector, &self.adaptive, inner);
-        let start = |center| selector.window_start(center, cells, reach);
-        let (row, column) = (start(choice.bbox.cy), start(choice.bbox.cx));
-        self.network.update_template(row, column, share);
-        self.stages.neck += lap.lap();
+        let share = self.config.template_update as f32;
+        if share > 0.0 && choice.score >= LEARNT_FROM {
+            let (template, search) = self.network.identity();
+            let (cells, reach) = (template.size().h, search.size().h);
+            let start = |center| selector.window_start(center, cells, reach);
+            let (row, column) = (start(choice.bbox.cy), start(choice.bbox.cx));
+            self.network.update_template(row, column, share);
+            self.stages.neck += lap.lap();
+        }
+        if let Some(target) = self.target
+            && choice.score.max(choice.response) >= LEARNT_FROM
+        {
+            let CenterBox { w, h, .. } = selector.in_crop(&target.bbox, seen.scale);
+            let place = CenterBox { w, h, ..choice.bbox };
+            self.filter.learn(&self.network, |response| selector.spot(&place, response));
+            self.stages.filter += lap.lap();
+        }
     }
 
     /// Looks for the target around `around`, whose size it is expected to have, in a region `zoom` times as wide as
@@ -223,36 +262,36 @@ impl Tracker {
         let target = self.target.ok_or(TrackError::NoTarget)?;
         let around = around.clamped(frame.width(), frame.height(), self.config.min_size);
         let config = TrackConfig { window_influence, ..self.config };
-        Ok(self.search(frame, &Target { bbox: around, ..target }, zoom, false, &config))
+        Ok(self.search(frame, &Target { bbox: around, ..target }, zoom, Extent::Full, &config))
     }
 
-    /// One pass: the best cell for a target where it is taken to be, in a region `zoom` times as wide as usual, or in its inner
-    /// part alone.
+    /// One pass: the best cell for a target where it is taken to be, in a region `zoom` times as wide as usual, or in less or more
+    /// of it.
     fn search(
         &mut self,
         frame: &Frame<'_>,
         target: &Target,
         zoom: f64,
-        inner: bool,
+        extent: Extent,
         config: &TrackConfig,
     ) -> Seen {
         let mut lap = Lap::start();
         let around = target.bbox;
         let zoomed = CenterBox { w: around.w * zoom as f32, h: around.h * zoom as f32, ..around };
-        let side = match &self.adaptive {
-            Some(adaptive) if inner => adaptive.side,
-            _ => self.network.model().architecture().search_size,
-        };
+        let side = self.views.of(extent).side;
         let scale = self.cut(frame, &Target { bbox: zoomed, ..*target }, side);
         self.stages.crop = lap.lap();
 
-        let outputs = self.network.search_timed(&self.crop, side, &mut self.stages);
+        target.correction.apply(&mut self.network.search_timed(&self.crop, side, &mut self.stages).ltrb);
         lap.lap();
 
-        target.correction.apply(&mut outputs.ltrb);
-        let (w, h) = (f64::from(around.w) * scale, f64::from(around.h) * scale);
-        let selector = selector_of(&self.selector, &self.adaptive, inner);
-        let seen = Seen { around, scale, choice: selector.choose(outputs, w, h, config), inner };
+        let response = self.filter.respond(&self.network);
+        self.stages.filter = lap.lap();
+
+        let size = [around.w, around.h].map(|side| f64::from(side) * scale);
+        let selector = &self.views.of(extent).selector;
+        let choice = selector.choose(self.network.outputs(), response, size, config);
+        let seen = Seen { around, scale, choice, extent };
         self.seen = Some(seen);
         self.stages.select = lap.lap();
         seen
@@ -281,9 +320,14 @@ impl Tracker {
         &self.network
     }
 
-    /// What knows where the score map's cells lie.
+    /// What the online filter said about the last search, a square map; empty without one.
+    pub(crate) fn response(&self) -> &[f32] {
+        self.filter.response()
+    }
+
+    /// What knows where the cells of the last search's score map lie.
     pub(crate) fn selector(&self) -> &Selector {
-        &self.selector
+        &self.views.of(self.seen.map_or(Extent::default(), |seen| seen.extent)).selector
     }
 
     /// Cuts the crop of `side` pixels around the target and returns its scale in crop pixels per frame pixel.
@@ -317,13 +361,5 @@ impl Tracker {
     /// Threads that one frame is spread over.
     pub fn threads(&self) -> usize {
         self.network.threads().count()
-    }
-}
-
-/// What chooses in the whole region or in its inner part.
-fn selector_of<'a>(whole: &'a Selector, adaptive: &'a Option<Adaptive>, inner: bool) -> &'a Selector {
-    match adaptive {
-        Some(adaptive) if inner => &adaptive.selector,
-        _ => whole,
     }
 }

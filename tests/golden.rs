@@ -132,7 +132,7 @@ fn crops_within_one_grey_level() {
     };
     // No look at the first frame, so that the crop cut last is the template's.
     let model = Model::builtin(Isa::detect());
-    let config = TrackConfig { correction: 0.0, ..model.config() };
+    let config = TrackConfig { correction: 0.0, online_filter: 0.0, ..model.config() };
     let options = TrackerOptions { config, ..TrackerOptions::of(&model) };
     let mut tracker = Tracker::with_options(model, options);
     tracker.init(&frame(0), BBox::new(806.0, 196.0, 31.0, 82.0)).unwrap();

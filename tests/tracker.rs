@@ -113,6 +113,32 @@ fn the_template_learns_a_look_that_changes() {
 }
 
 #[test]
+fn a_target_that_leaps_out_of_the_search_region_is_found_by_its_filter() {
+    let model = Model::builtin(Isa::detect());
+    let last_overlap = |online_filter| {
+        let config = TrackConfig { online_filter, ..model.config() };
+        let mut tracker =
+            Tracker::with_options(model.clone(), TrackerOptions { config, ..TrackerOptions::of(&model) });
+        let mut last = 0.0;
+        for i in 0..16i64 {
+            // One and a half sides in one frame; the search region reaches one.
+            let (cx, cy) = if i < 12 { (80 + i, 90 + i) } else { (80 + i + 56, 90 + i) };
+            let pixels = turning(320, 240, cx, cy, 0.0);
+            let frame = rgb(&pixels, 320, 240);
+            let truth = BBox::new((cx - 18) as f32, (cy - 18) as f32, 37.0, 37.0);
+            if i == 0 {
+                tracker.init(&frame, truth).unwrap();
+            } else {
+                last = tracker.update(&frame).unwrap().bbox.iou(&truth);
+            }
+        }
+        last
+    };
+    assert!(last_overlap(0.0) < 0.1, "without a filter it is lost: overlap {}", last_overlap(0.0));
+    assert!(last_overlap(0.6) > 0.6, "overlap {}", last_overlap(0.6));
+}
+
+#[test]
 fn adaptive_search_looks_at_less_and_follows_as_well() {
     let model = Model::builtin(Isa::detect());
     let options = TrackerOptions { search: SearchRegion::Adaptive, ..TrackerOptions::of(&model) };

@@ -13,6 +13,7 @@
 //! | quantization | `q = round(x / s) + z` | `f32 [n] -> u8 [n]` | [`quant`] | counted with the convolution |
 //! | max-pool 3x3/2 | `y = max x`, ceil mode | `[H, W, C] -> [H', W', C]` | [`mod@pool`] | 2 % |
 //! | cross-correlation | `y = sum x z` per channel | `[H, W, C], [k, k, C] -> [H-k+1, W-k+1, C]` | [`xcorr`] | 1 % |
+//! | filter and its adjoint | `y = sum x f` over all channels | `[H, W, C], [k, k, C] -> [H-k+1, W-k+1]` | [`filter`] | learning while tracking |
 //! | crop-and-resize | bilinear, constant border | `u8 [h, w, 1..4] -> u8 [D, D, 3]` | [`resample`] | 2 % |
 //! | sigmoid, exp | | `[n] -> [n]` | [`pointwise`] | < 0.1 % |
 //!
@@ -22,6 +23,7 @@
 #![deny(unsafe_code)]
 
 pub mod conv;
+pub mod filter;
 pub mod gemm;
 pub mod isa;
 pub mod par;

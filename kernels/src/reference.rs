@@ -96,6 +96,26 @@ pub fn xcorr(size: Size, kernel: Size, channels: usize, x: &[f32], z: &[f32]) ->
     y
 }
 
+/// One filter over all channels: `[H, W, C]` with `[h, w, C] -> [H-h+1, W-w+1]`.
+pub fn filter(size: Size, filter: Size, channels: usize, x: &[f32], f: &[f32]) -> Vec<f64> {
+    let depthwise = xcorr(size, filter, channels, x, f);
+    depthwise.chunks_exact(channels).map(|cell| cell.iter().sum()).collect()
+}
+
+/// The adjoint of [`filter`]: `[H, W, C]` with `[H-h+1, W-w+1] -> [h, w, C]`.
+pub fn filter_adjoint(size: Size, filter: Size, channels: usize, x: &[f32], r: &[f32]) -> Vec<f64> {
+    let out_w = size.w - filter.w + 1;
+    let mut g = vec![0.0; filter.area() * channels];
+    for (i, r) in r.iter().enumerate() {
+        for (j, g) in g.iter_mut().enumerate() {
+            let (cell, c) = (j / channels, j % channels);
+            let (row, column) = (i / out_w + cell / filter.w, i % out_w + cell % filter.w);
+            *g += f64::from(*r) * f64::from(x[(row * size.w + column) * channels + c]);
+        }
+    }
+    g
+}
+
 /// One bilinear sample of channel `offset` at (`x`, `y`), outside pixels being `border`; not rounded.
 pub fn sample(image: &crate::resample::Pixels<'_>, offset: usize, x: f64, y: f64, border: u8) -> f64 {
     let tap = |x: f64, y: f64| {

@@ -55,7 +55,7 @@ mod tests {
             outputs.score[index] = score; // 0 and 1 are neighbours: one object
         }
         let config = TrackConfig { window_influence: 0.0, ..TrackConfig::default() };
-        let choice = selector.choose(&outputs, 25.0, 25.0, &config).unwrap();
+        let choice = selector.choose(&outputs, &[], [25.0; 2], &config).unwrap();
         let mut found = Vec::new();
         find(&outputs, &selector, &choice, &mut found);
         let scores: Vec<f32> = found.iter().map(|c| c.score).collect();

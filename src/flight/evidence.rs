@@ -8,7 +8,7 @@ use crate::select::{Choice, Selector};
 use crate::tracker::Seen;
 
 /// Pieces of evidence.
-pub const COUNT: usize = 12;
+pub const COUNT: usize = 14;
 
 /// One name per piece of evidence, in the order of [`Evidence::values`].
 ///
@@ -26,6 +26,8 @@ pub const COUNT: usize = 12;
 /// | `score_drop` | `score` less what it usually was |
 /// | `identity_drop` | `identity` less what it usually was |
 /// | `motion` | distance from the predicted place, in target sides |
+/// | `response` | what the online filter says; 0 without one |
+/// | `contrast` | `response` less the best of the other candidates' |
 pub const NAMES: [&str; COUNT] = [
     "score",
     "second",
@@ -39,6 +41,8 @@ pub const NAMES: [&str; COUNT] = [
     "score_drop",
     "identity_drop",
     "motion",
+    "response",
+    "contrast",
 ];
 
 /// What speaks for and against a box; every number is finite and of moderate size.
@@ -83,6 +87,7 @@ impl Witness {
         &mut self,
         network: &Network,
         selector: &Selector,
+        response: &[f32],
         seen: &Seen,
         motion: impl Fn(&CenterBox) -> f64,
     ) -> Option<Finding> {
@@ -95,8 +100,12 @@ impl Witness {
 
         candidates::find(outputs, selector, &choice, &mut self.candidates);
         let mut candidates = std::mem::take(&mut self.candidates);
-        for candidate in &mut candidates {
+        let mut rival_response = 0.0f64;
+        for (i, candidate) in candidates.iter_mut().enumerate() {
             let crop_box = candidate.bbox.center();
+            if i > 0 {
+                rival_response = rival_response.max(selector.response_at(&crop_box, response));
+            }
             candidate.similarity = self.similarity(template, search, selector, &crop_box).0 as f32;
             candidate.bbox = view.in_frame(&crop_box).corner();
         }
@@ -123,6 +132,8 @@ impl Witness {
             (score - usual_score).clamp(-6.0, 6.0),
             identity - usual_identity,
             motion(&bbox).min(20.0).ln_1p(),
+            choice.response.clamp(0.0, 1.0),
+            choice.response.clamp(0.0, 1.0) - rival_response.min(1.0),
         ];
         let evidence = Evidence { values: values.map(|v| if v.is_finite() { v } else { 0.0 }) };
         Some(Finding { bbox, score: choice.score as f32, evidence })

@@ -224,7 +224,7 @@ impl FlightTracker {
         }
         self.witness.learn(&finding.evidence, probability);
         if self.options.recover && !jumped && self.probation.is_none() {
-            self.tracker.update_template();
+            self.tracker.learn();
         }
         if self.state != State::Reacquired || self.frames_in_state >= FRESH {
             self.enter(State::Tracking);
@@ -309,7 +309,13 @@ impl FlightTracker {
         let kalman = self.kalman.filter(|_| expected);
         let distance = |bbox: &CenterBox| kalman.map_or(0.0, |kalman| kalman.distance(bbox));
         let tracker = &self.tracker;
-        let finding = self.witness.judge(tracker.network(), tracker.selector(), tracker.seen()?, distance);
+        let finding = self.witness.judge(
+            tracker.network(),
+            tracker.selector(),
+            tracker.response(),
+            tracker.seen()?,
+            distance,
+        );
         self.evidence = finding.map(|finding| finding.evidence);
         finding
     }

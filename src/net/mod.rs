@@ -84,6 +84,11 @@ impl Network {
         )
     }
 
+    /// The neck's features for classification: the template's and those of the last search region.
+    pub(crate) fn classification(&self) -> (&Map, &Map) {
+        (&self.template.features().cls, &self.scratch.neck.cls)
+    }
+
     /// What the last pass said.
     pub(crate) fn outputs(&self) -> &Outputs {
         &self.outputs

@@ -133,6 +133,9 @@ pub struct TrackerParams {
     /// Share of the target's later looks in the template; none if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub template_update: f64,
+    /// Share of the online filter's response in the score; none if absent.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub online_filter: f64,
 }
 
 fn is_zero(share: &f64) -> bool {
@@ -149,6 +152,7 @@ impl Default for TrackerParams {
             min_size: 10.0,
             correction: 0.0,
             template_update: 0.0,
+            online_filter: 0.0,
         }
     }
 }
@@ -296,6 +300,7 @@ impl Header {
         within("tracker.min_size", f64::from(tracker.min_size), 1.0..=1e4)?;
         within("tracker.correction", tracker.correction, 0.0..=1.0)?;
         within("tracker.template_update", tracker.template_update, 0.0..=1.0)?;
+        within("tracker.online_filter", tracker.online_filter, 0.0..=1.0)?;
         if let Some(calibration) = &self.calibration {
             self.check_calibration(calibration)?;
         }

@@ -217,6 +217,7 @@ fn metadata_fields() {
         ),
         ("correction", metadata(|m| m["tracker"]["correction"] = json!(1.5)), "`tracker.correction`"),
         ("update", metadata(|m| m["tracker"]["template_update"] = json!(-0.1)), "`tracker.template_update`"),
+        ("filter", metadata(|m| m["tracker"]["online_filter"] = json!(2)), "`tracker.online_filter`"),
         ("penalty", metadata(|m| m["tracker"]["penalty_k"] = json!(1e9)), "`tracker.penalty_k`"),
         ("context", metadata(|m| m["tracker"]["context_amount"] = json!(-1)), "`tracker.context_amount`"),
         ("smallest box", metadata(|m| m["tracker"]["min_size"] = json!(0)), "`tracker.min_size`"),

@@ -78,6 +78,9 @@ pub struct EngineArgs {
     /// Share of the target's later looks in the template, 0 to 1; 0 is the paper's tracker [default: the model's].
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub template_update: Option<f64>,
+    /// Share of a filter that is learnt while tracking in the score, 0 to 1; 0 is the paper's tracker [default: the model's].
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub online_filter: Option<f64>,
     /// How much of the search region is looked at.
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Search::Full)]
     pub search: Search,
@@ -107,13 +110,14 @@ impl EngineArgs {
     /// Weights as they are to run.
     pub fn model_of(&self, weights: &Weights) -> Result<Model, ModelError> {
         let precision = self.precision.unwrap_or_else(|| Precision::best(weights, self.isa()));
-        if (self.correction, self.template_update) == (None, None) {
+        if (self.correction, self.template_update, self.online_filter) == (None, None, None) {
             return Model::with_precision(weights, self.isa(), precision);
         }
         let mut weights = weights.clone();
         let tracker = &mut weights.header.tracker;
         tracker.correction = self.correction.unwrap_or(tracker.correction);
         tracker.template_update = self.template_update.unwrap_or(tracker.template_update);
+        tracker.online_filter = self.online_filter.unwrap_or(tracker.online_filter);
         Model::with_precision(&weights, self.isa(), precision)
     }
 
@@ -145,7 +149,8 @@ impl EngineArgs {
 /// What follows the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Mode {
-    /// The tracker alone: it always finds something. With --correction 0 --template-update 0 it is the one published.
+    /// The tracker alone: it always finds something. With --correction 0 --template-update 0 --online-filter 0
+    /// it is the one published.
     Paper,
     /// Knows when the target is lost, coasts, and finds it again.
     Flight,

@@ -85,14 +85,15 @@ fn about(header: &Header) -> String {
     add(
         "tracker",
         format!(
-            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, correction {}, template_update {}",
+            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, correction {}, template_update {}, online_filter {}",
             t.context_amount,
             t.size_lr,
             t.window_influence,
             t.penalty_k,
             t.min_size,
             t.correction,
-            t.template_update
+            t.template_update,
+            t.online_filter
         ),
     );
     add("input", format!("BGR, mean {:?}, std {:?}", header.input.mean, header.input.std));
@@ -141,6 +142,7 @@ fn as_json(header: &Header) -> Value {
             "min_size": t.min_size,
             "correction": t.correction,
             "template_update": t.template_update,
+            "online_filter": t.online_filter,
         },
         "parameters": a.parameters(),
         "macs_template": a.macs_template(),

@@ -8,9 +8,9 @@ use trainer::data::Dataset;
 use trainer::fit::{Fit, RunOptions, compute};
 use trainer::prune::{Ranks, prune as prune_by_rank};
 use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
-use trainer::tune::{SHARES, correction, template_update};
+use trainer::tune::{SHARES, correction, over_sequences};
 use trainer::validate::Validation;
-use weights_format::{Storage, Weights};
+use weights_format::{Storage, TrackerParams, Weights};
 
 /// `fit`.
 pub fn fit(args: &args::Fit) -> Result<(), Error> {
@@ -134,6 +134,13 @@ pub fn quantize(args: args::Measure) -> Result<(), Error> {
     })
 }
 
+/// What is learnt while tracking, and where its share stands, in the order of tuning.
+type Share = (&'static str, fn(&mut TrackerParams, f64));
+const WHILE_TRACKING: [Share; 2] = [
+    ("template update", |tracker, share| tracker.template_update = share),
+    ("online filter", |tracker, share| tracker.online_filter = share),
+];
+
 /// `tune`.
 pub fn tune(args: args::Tune) -> Result<(), Error> {
     let validation = Validation::open(&args.validate, 0, usize::MAX)?;
@@ -144,11 +151,13 @@ pub fn tune(args: args::Tune) -> Result<(), Error> {
         }
         weights.header.tracker.correction = best_share(&quality);
         if !validation.is_empty() {
-            let quality = template_update(weights, &validation)?;
-            for (share, auc) in SHARES.into_iter().zip(quality) {
-                println!("template update {share:.1}: AUC {auc:.2}");
+            for (name, set) in WHILE_TRACKING {
+                let quality = over_sequences(weights, &validation, set)?;
+                for (share, auc) in SHARES.into_iter().zip(quality) {
+                    println!("{name} {share:.1}: AUC {auc:.2}");
+                }
+                set(&mut weights.header.tracker, best_share(&quality));
             }
-            weights.header.tracker.template_update = best_share(&quality);
         }
         Ok(())
     })

@@ -1,15 +1,15 @@
 //! The tracker's constants that suit weights, by tracking itself.
 //!
-//! Two are measured. The share of the first frame's error that is taken out of later boxes: a tracker is given a target in one
-//! frame and put near it in another one; the share with which its boxes lie best is the weights' own. And the share of the
-//! target's later looks in the template: the one with which whole sequences are tracked best.
+//! Three are measured. The share of the first frame's error that is taken out of later boxes: a tracker is given a target in one
+//! frame and put near it in another one; the share with which its boxes lie best is the weights' own. The share of the
+//! target's later looks in the template, and the online filter's share in the score: those with which whole sequences are tracked best.
 
 use crate::data::Dataset;
 use crate::error::Error;
 use crate::rng::Rng;
 use crate::validate::Validation;
 use track_cpu::{Isa, Model, TrackConfig, Tracker, TrackerOptions};
-use weights_format::Weights;
+use weights_format::{TrackerParams, Weights};
 
 /// Samples for tuning are far behind all that are trained or calibrated on.
 const FIRST: u64 = 1 << 46;
@@ -54,15 +54,19 @@ pub fn correction(weights: &Weights, dataset: &Dataset, pairs: u64) -> Result<[f
     Ok(sums.map(|sum| sum / pairs as f64))
 }
 
-/// The AUC for each of [`SHARES`] as the template's share of later looks, over sequences.
+/// The AUC over sequences for each of [`SHARES`], as `set` puts it into the tracker's hyper-parameters.
 ///
 /// # Errors
 /// If the weights are not those of a network that can run.
-pub fn template_update(weights: &Weights, sequences: &Validation) -> Result<[f64; SHARES.len()], Error> {
+pub fn over_sequences(
+    weights: &Weights,
+    sequences: &Validation,
+    set: impl Fn(&mut TrackerParams, f64),
+) -> Result<[f64; SHARES.len()], Error> {
     let mut weights = weights.clone();
     let mut quality = [0.0; SHARES.len()];
     for (share, auc) in SHARES.into_iter().zip(&mut quality) {
-        weights.header.tracker.template_update = share;
+        set(&mut weights.header.tracker, share);
         *auc = sequences.run(&weights, 2)?.score().unwrap_or(0.0);
     }
     Ok(quality)

@@ -78,6 +78,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         "precision": model.precision().name(),
         "correction": model.config().correction,
         "template_update": model.config().template_update,
+        "online_filter": model.config().online_filter,
         "mode": args.mode.name(),
     });
     let log =

@@ -44,6 +44,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
         precision: Some(precision),
         correction: head["correction"].as_f64(),
         template_update: head["template_update"].as_f64(),
+        online_filter: Some(head["online_filter"].as_f64().unwrap_or(0.0)), // older logs had none
         search: Search::Full,
     };
     let mut engine = Engine::new(engine_args.model(path.as_deref())?, &engine_args, mode)?;

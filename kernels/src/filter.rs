@@ -1,0 +1,285 @@
+//! One filter over all channels, and its adjoint: what a filter is learnt with while tracking.
+//!
+//! Response: `y[i, j] = sum over u, v, c of x[i + u, j + v, c] * f[u, v, c]`, valid, no bias. Adjoint, added to what is there:
+//! `g[u, v, c] += sum over i, j of r[i, j] * x[i + u, j + v, c]`.
+//!
+//! Shapes: features `[H, W, C]`, filter `[h, w, C]`, response `[H-h+1, W-w+1]`. Cost: one multiply-accumulate per value of the filter
+//! and of the response, either way; 1.1 million for a 4x4 filter of 128 channels on 26x26 features.
+//!
+//! A row of the filter is `w * C` values in a row, and so is what it meets of the features: no patches are made.
+
+use crate::par::Threads;
+use crate::simd::{Kernel, Simd};
+use crate::{Isa, Size};
+
+/// Sizes of a filter and of the features that it runs over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilterShape {
+    /// Height and width of the features.
+    pub size: Size,
+    /// Height and width of the filter.
+    pub filter: Size,
+    /// Channels of both.
+    pub channels: usize,
+}
+
+impl FilterShape {
+    /// Height and width of the response.
+    ///
+    /// Panics if the filter is larger than the features.
+    pub fn out_size(&self) -> Size {
+        let FilterShape { size, filter, .. } = self;
+        assert!(filter.h <= size.h && filter.w <= size.w, "filter {filter:?} on {size:?}");
+        Size { h: size.h - filter.h + 1, w: size.w - filter.w + 1 }
+    }
+
+    /// Values of the filter.
+    pub fn filter_len(&self) -> usize {
+        self.filter.area() * self.channels
+    }
+
+    /// Values of one row of the filter.
+    fn row_len(&self) -> usize {
+        self.filter.w * self.channels
+    }
+
+    /// The features that the filter's row `u` meets where its response is at (`y`, `x`).
+    #[inline(always)]
+    fn met<'a>(&self, features: &'a [f32], u: usize, y: usize, x: usize) -> &'a [f32] {
+        &features[((y + u) * self.size.w + x) * self.channels..]
+    }
+}
+
+/// Some rows of a response.
+struct Respond<'a> {
+    shape: FilterShape,
+    features: &'a [f32], // [size.h, size.w, channels]
+    filter: &'a [f32],   // [filter.h, filter.w, channels]
+    first_row: usize,    // of the response, that `out` starts at
+    out: &'a mut [f32],  // [rows, W']
+}
+
+/// Some rows of an adjoint.
+struct Adjoint<'a> {
+    shape: FilterShape,
+    features: &'a [f32], // [size.h, size.w, channels]
+    response: &'a [f32], // [H', W']
+    first_row: usize,    // of the filter, that `out` starts at
+    out: &'a mut [f32],  // [rows, filter.w, channels]
+}
+
+/// The response of `filter` (`[h, w, C]`) on `features` (`[H, W, C]`), into `out` (`[H-h+1, W-w+1]`).
+///
+/// Panics if a length is not that of its shape, or if the filter is the larger one.
+pub fn respond(
+    isa: Isa,
+    threads: &Threads,
+    shape: FilterShape,
+    features: &[f32],
+    filter: &[f32],
+    out: &mut [f32],
+) {
+    let out_size = shape.out_size();
+    assert_eq!(features.len(), shape.size.area() * shape.channels, "features of a filter");
+    assert_eq!(filter.len(), shape.filter_len(), "values of a filter");
+    assert_eq!(out.len(), out_size.area(), "response of a filter");
+    threads.split_rows(out, out_size.w, |first_row, out| {
+        isa.run(Respond { shape, features, filter, first_row, out });
+    });
+}
+
+/// Adds to `out` (`[h, w, C]`) what [`respond`]'s adjoint makes of `response` (`[H-h+1, W-w+1]`) on `features` (`[H, W, C]`).
+///
+/// Panics if a length is not that of its shape, or if the filter is the larger one.
+pub fn adjoint(
+    isa: Isa,
+    threads: &Threads,
+    shape: FilterShape,
+    features: &[f32],
+    response: &[f32],
+    out: &mut [f32],
+) {
+    assert_eq!(features.len(), shape.size.area() * shape.channels, "features of a filter");
+    assert_eq!(response.len(), shape.out_size().area(), "response of a filter");
+    assert_eq!(out.len(), shape.filter_len(), "values of a filter");
+    threads.split_rows(out, shape.row_len(), |first_row, out| {
+        isa.run(Adjoint { shape, features, response, first_row, out });
+    });
+}
+
+impl Kernel for Respond<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) {
+        let width = self.shape.out_size().w;
+        for y in 0..self.out.len() / width {
+            let mut x = 0;
+            while x < width {
+                x += match width - x {
+                    8.. => self.tile::<S, 8>(simd, y, x, width),
+                    4.. => self.tile::<S, 4>(simd, y, x, width),
+                    _ => self.tile::<S, 1>(simd, y, x, width),
+                };
+            }
+        }
+    }
+}
+
+impl Respond<'_> {
+    /// Neighbouring values of row `y` of `out`, from `x` on: a vector of the filter is loaded once for all of them. Returns how
+    /// many they are.
+    #[inline(always)]
+    fn tile<S: Simd, const VALUES: usize>(&mut self, simd: S, y: usize, x: usize, width: usize) -> usize {
+        let FilterShape { filter, channels, .. } = self.shape;
+        let row_len = self.shape.row_len();
+        let mut sums = [simd.zero(); VALUES];
+        for u in 0..filter.h {
+            let row = self.shape.met(self.features, u, self.first_row + y, x);
+            let from = &self.filter[u * row_len..][..row_len];
+            let whole = row_len - row_len % S::LANES;
+            for t in (0..whole).step_by(S::LANES) {
+                let f = simd.load(&from[t..]);
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum = simd.mul_add(simd.load(&row[i * channels + t..]), f, *sum);
+                }
+            }
+            if whole < row_len {
+                let f = simd.load_partial(&from[whole..]);
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    let met = &row[i * channels..][whole..row_len];
+                    *sum = simd.mul_add(simd.load_partial(met), f, *sum);
+                }
+            }
+        }
+        for (out, sum) in self.out[y * width + x..].iter_mut().zip(sums) {
+            let mut lanes = [0.0; MAX_LANES];
+            simd.store(sum, &mut lanes);
+            *out = lanes[..S::LANES].iter().sum();
+        }
+        VALUES
+    }
+}
+
+/// Lanes of the widest vector there is.
+const MAX_LANES: usize = 16;
+
+impl Kernel for Adjoint<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) {
+        let row_len = self.shape.row_len();
+        for u in 0..self.out.len() / row_len {
+            let mut t = 0;
+            while t < row_len {
+                t += match (row_len - t) / S::LANES {
+                    8.. => self.tile::<S, 8>(simd, u, t),
+                    1.. => self.tile::<S, 1>(simd, u, t),
+                    _ => self.rest(simd, u, t),
+                };
+            }
+        }
+    }
+}
+
+impl Adjoint<'_> {
+    /// Neighbouring vectors of row `u` of `out`, from value `t` on: a value of the response is spread once for all of them.
+    /// Returns how many values they are.
+    #[inline(always)]
+    fn tile<S: Simd, const VECTORS: usize>(&mut self, simd: S, u: usize, t: usize) -> usize {
+        let (shape, width) = (self.shape, self.shape.out_size().w);
+        let out = &mut self.out[u * shape.row_len() + t..][..VECTORS * S::LANES];
+        let mut sums = [simd.zero(); VECTORS];
+        for (sum, out) in sums.iter_mut().zip(out.chunks_exact(S::LANES)) {
+            *sum = simd.load(out);
+        }
+        for (y, row) in self.response.chunks_exact(width).enumerate() {
+            let met = shape.met(self.features, self.first_row + u, y, 0);
+            for (x, value) in row.iter().enumerate() {
+                let (met, value) = (&met[x * shape.channels + t..][..VECTORS * S::LANES], simd.splat(*value));
+                for (sum, met) in sums.iter_mut().zip(met.chunks_exact(S::LANES)) {
+                    *sum = simd.mul_add(simd.load(met), value, *sum);
+                }
+            }
+        }
+        for (sum, out) in sums.into_iter().zip(out.chunks_exact_mut(S::LANES)) {
+            simd.store(sum, out);
+        }
+        VECTORS * S::LANES
+    }
+
+    /// The end of row `u` of `out`, from value `t` on: less than one vector. Returns how many values they are.
+    #[inline(always)]
+    fn rest<S: Simd>(&mut self, simd: S, u: usize, t: usize) -> usize {
+        let (shape, width) = (self.shape, self.shape.out_size().w);
+        let out = &mut self.out[u * shape.row_len()..][t..shape.row_len()];
+        let mut sum = simd.load_partial(out);
+        for (y, row) in self.response.chunks_exact(width).enumerate() {
+            let met = shape.met(self.features, self.first_row + u, y, 0);
+            for (x, value) in row.iter().enumerate() {
+                let met = &met[x * shape.channels + t..][..out.len()];
+                sum = simd.mul_add(simd.load_partial(met), simd.splat(*value), sum);
+            }
+        }
+        simd.store_partial(sum, out);
+        out.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference;
+    use crate::testing::{assert_close, noise};
+
+    fn shapes() -> impl Iterator<Item = FilterShape> {
+        let sizes = [(4, 4, 4), (7, 9, 4), (6, 5, 1), (5, 14, 3)];
+        [1, 3, 4, 7, 8, 15, 16, 47, 128].into_iter().flat_map(move |channels| {
+            sizes.map(|(h, w, side)| FilterShape {
+                size: Size { h, w },
+                filter: Size::square(side),
+                channels,
+            })
+        })
+    }
+
+    #[test]
+    fn response_and_adjoint_equal_the_reference() {
+        for shape in shapes() {
+            let FilterShape { size, filter, channels } = shape;
+            let x = noise(size.area() * channels, 5);
+            let f = noise(shape.filter_len(), 6);
+            let r = noise(shape.out_size().area(), 7);
+            let start = noise(shape.filter_len(), 8);
+            let response = reference::filter(size, filter, channels, &x, &f);
+            let adjoint_of = reference::filter_adjoint(size, filter, channels, &x, &r);
+            let added: Vec<f64> =
+                adjoint_of.iter().zip(&start).map(|(new, start)| new + f64::from(*start)).collect();
+            for isa in Isa::available() {
+                for count in [1, 2] {
+                    let threads = Threads::new(count);
+                    let mut out = vec![f32::NAN; response.len()];
+                    threads.enter(|| respond(isa, &threads, shape, &x, &f, &mut out));
+                    assert_close(&out, &response, 1e-5, &format!("response, {shape:?}, {isa}"));
+                    let mut out = start.clone();
+                    threads.enter(|| adjoint(isa, &threads, shape, &x, &r, &mut out));
+                    assert_close(&out, &added, 1e-5, &format!("adjoint, {shape:?}, {isa}"));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_lies_beside_a_row_does_not_count() {
+        // The last partial vector of a row must not take in the next pixel, not even times zero.
+        let shape = FilterShape { size: Size { h: 1, w: 3 }, filter: Size { h: 1, w: 2 }, channels: 3 };
+        let mut x = noise(9, 1);
+        x[6..].fill(f32::NAN);
+        for isa in Isa::available() {
+            let mut out = [0.0; 2];
+            respond(isa, &Threads::new(1), shape, &x, &noise(6, 2), &mut out);
+            assert!(out[0].is_finite() && out[1].is_nan(), "{isa}: {out:?}");
+        }
+    }
+}
