@@ -4,8 +4,9 @@
 //! over the same features of the search region (the neck's, for classification), but is fitted to the region itself: to
 //! respond with a bump at the target and with nothing anywhere else, look-alikes included. Its response is mixed into the score.
 //!
-//! It solves a ridge regression over a memory of looks, `min over f of sum_k w_k |f * x_k - y_k|^2 + RIDGE |f|^2`, by a few steps
-//! of conjugate gradients at a time. Sources: Danelljan et al., ATOM (CVPR 2019), section 3.2; Zhou et al., DROL (AAAI 2020), for
+//! It solves a ridge regression over a memory of looks, `min over f of sum_k w_k |f * x_k - y_k|^2 + RIDGE |f|^2`, by conjugate
+//! gradients, one pass over the memory per frame: a round takes a look into the memory and sums up how far the filter is off,
+//! then makes [`STEPS`] steps. Sources: Danelljan et al., ATOM (CVPR 2019), section 3.2; Zhou et al., DROL (AAAI 2020), for
 //! the mixture with a Siamese tracker's score. The paper's tracker has none: a share of 0.
 
 use crate::net::Network;
@@ -18,17 +19,15 @@ const RIDGE: f32 = 0.1;
 /// Standard deviation of the bump, in sides of the target.
 const SPREAD: f32 = 0.275;
 /// Looks that are kept,
-const MEMORY: usize = 12;
+const MEMORY: usize = 8;
 /// the share of the newest among them,
-const RATE: f32 = 0.02;
+const RATE: f32 = 0.05;
 /// and what the first frame's weight never falls below: it is the only one that is known to show the target.
 const FIRST: f32 = 0.25;
-/// Steps of conjugate gradients in the first frame,
+/// Steps in the first frame,
 const FIRST_STEPS: usize = 20;
-/// and after every [`PERIOD`]-th look.
-const STEPS: usize = 2;
-/// Looks from one learning to the next.
-const PERIOD: u32 = 2;
+/// and in every later round.
+const STEPS: u32 = 2;
 
 /// The filter with the looks that it is learnt from.
 #[derive(Clone, Debug, Default)]
@@ -41,7 +40,7 @@ pub(crate) struct OnlineFilter {
     response: Vec<f32>,         // [H', W']
     memory: Vec<Look>,
     solver: Solver,
-    age: u32, // looks since the first
+    turn: u32, // of the round: 0 takes in a look, the others make steps
 }
 
 /// One look and what the filter should have said about it.
@@ -59,6 +58,7 @@ struct Solver {
     rest: Vec<f32>,      // [h, w, C]: the normal equations' residual
     direction: Vec<f32>, // [h, w, C]
     image: Vec<f32>,     // [h, w, C]: of the direction
+    power: f32,          // the residual's square
 }
 
 /// Where a target is, in cells of the response.
@@ -96,12 +96,13 @@ impl OnlineFilter {
             look.features.resize(shape.size.area() * shape.channels, 0.0);
             look.label.resize(out, 0.0);
         }
-        self.age = 0;
+        self.turn = 0;
         self.take(search, shape);
         self.response.resize(out, 0.0);
         self.remember(shape, 0, spot(&self.response));
         self.memory[0].weight = 1.0;
-        self.improve(network, shape, FIRST_STEPS);
+        self.begin_round(network, shape);
+        (0..FIRST_STEPS).for_each(|_| self.step(network, shape));
     }
 
     /// Responds to the network's last look. Returns what it says, row by row; nothing before the first look.
@@ -130,19 +131,22 @@ impl OnlineFilter {
         if self.features.len() != shape.size.area() * shape.channels {
             return;
         }
-        self.age += 1;
-        self.memory.iter_mut().for_each(|look| look.weight *= 1.0 - RATE);
-        self.memory[0].weight = self.memory[0].weight.max(FIRST);
-        // The lightest look makes room: an empty place, or the oldest.
-        let lightest = (1..MEMORY).min_by(|a, b| self.memory[*a].weight.total_cmp(&self.memory[*b].weight));
-        let Some(place) = lightest else { return };
-        self.remember(shape, place, spot(&self.response));
-        self.memory[place].weight = RATE;
-        let sum: f32 = self.memory.iter().map(|look| look.weight).sum();
-        self.memory.iter_mut().for_each(|look| look.weight /= sum);
-        if self.age.is_multiple_of(PERIOD) {
-            self.improve(network, shape, STEPS);
+        if self.turn == 0 {
+            self.memory.iter_mut().for_each(|look| look.weight *= 1.0 - RATE);
+            self.memory[0].weight = self.memory[0].weight.max(FIRST);
+            // The lightest look makes room: an empty place, or the oldest.
+            let weight = |place: &usize| self.memory[*place].weight;
+            let lightest = (1..MEMORY).min_by(|a, b| weight(a).total_cmp(&weight(b)));
+            let Some(place) = lightest else { return };
+            self.remember(shape, place, spot(&self.response));
+            self.memory[place].weight = RATE;
+            let sum: f32 = self.memory.iter().map(|look| look.weight).sum();
+            self.memory.iter_mut().for_each(|look| look.weight /= sum);
+            self.begin_round(network, shape);
+        } else {
+            self.step(network, shape);
         }
+        self.turn = (self.turn + 1) % (STEPS + 1);
     }
 
     /// Measures the first look's features.
@@ -185,39 +189,46 @@ impl OnlineFilter {
         }
     }
 
-    /// Some steps of conjugate gradients towards the filter that fits the memory best.
-    fn improve(&mut self, network: &Network, shape: FilterShape, steps: usize) {
-        let OnlineFilter { filter, memory, solver, .. } = self;
-        let Solver { response, rest, direction, image } = solver;
+    /// Sums up how far the filter is off, and so where the next step goes: the normal equations' residual,
+    /// `sum_k w_k X_k^T (y_k - X_k f) - RIDGE f`.
+    fn begin_round(&mut self, network: &Network, shape: FilterShape) {
+        let OnlineFilter { filter, memory, solver: Solver { response, rest, direction, power, .. }, .. } =
+            self;
         let (isa, threads) = (network.model().isa(), network.threads());
         threads.enter(|| {
-            // The residual: sum_k w_k X_k^T (y_k - X_k f) - RIDGE f.
             rest.iter_mut().zip(&*filter).for_each(|(rest, f)| *rest = -RIDGE * f);
             for Look { features, label, weight } in memory.iter().filter(|look| look.weight > 0.0) {
                 respond(isa, threads, shape, features, filter, response);
                 response.iter_mut().zip(label).for_each(|(v, label)| *v = weight * (label - *v));
                 adjoint(isa, threads, shape, features, response, rest);
             }
-            direction.copy_from_slice(rest);
-            let mut power = dot(rest, rest);
-            for _ in 0..steps {
-                if !(power > 1e-12) {
-                    break; // as good as it gets
-                }
-                image.iter_mut().zip(&*direction).for_each(|(image, d)| *image = RIDGE * d);
-                for Look { features, weight, .. } in memory.iter().filter(|look| look.weight > 0.0) {
-                    respond(isa, threads, shape, features, direction, response);
-                    response.iter_mut().for_each(|v| *v *= weight);
-                    adjoint(isa, threads, shape, features, response, image);
-                }
-                let length = power / dot(direction, image);
-                filter.iter_mut().zip(&*direction).for_each(|(f, d)| *f += length * d);
-                rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
-                let next = dot(rest, rest);
-                direction.iter_mut().zip(&*rest).for_each(|(d, rest)| *d = rest + next / power * *d);
-                power = next;
+        });
+        direction.copy_from_slice(rest);
+        *power = dot(rest, rest);
+    }
+
+    /// One step of conjugate gradients towards the filter that fits the memory best.
+    fn step(&mut self, network: &Network, shape: FilterShape) {
+        let OnlineFilter { filter, memory, solver, .. } = self;
+        let Solver { response, rest, direction, image, power } = solver;
+        if *power < 1e-12 {
+            return; // as good as it gets
+        }
+        let (isa, threads) = (network.model().isa(), network.threads());
+        threads.enter(|| {
+            image.iter_mut().zip(&*direction).for_each(|(image, d)| *image = RIDGE * d);
+            for Look { features, weight, .. } in memory.iter().filter(|look| look.weight > 0.0) {
+                respond(isa, threads, shape, features, direction, response);
+                response.iter_mut().for_each(|v| *v *= weight);
+                adjoint(isa, threads, shape, features, response, image);
             }
         });
+        let length = *power / dot(direction, image);
+        filter.iter_mut().zip(&*direction).for_each(|(f, d)| *f += length * d);
+        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
+        let next = dot(rest, rest);
+        direction.iter_mut().zip(&*rest).for_each(|(d, rest)| *d = rest + next / *power * *d);
+        *power = next;
     }
 }
 
@@ -274,14 +285,19 @@ mod tests {
         let mut filter = OnlineFilter::default();
         filter.begin(&network, |_| MIDDLE);
         let side = network.model().architecture().search_size;
-        for seed in [5, 9] {
+        for seed in [5, 9, 11, 12] {
             network.search(&crop(side, seed));
             filter.respond(&network);
             filter.learn(&network, |_| Spot { row: 8.0, ..MIDDLE });
         }
+        assert_eq!(
+            filter.memory.iter().filter(|look| look.weight > 0.0).count(),
+            3,
+            "every third look is kept"
+        );
         let shape = filter.shape.unwrap();
         let (before, right) = residual(&filter);
-        filter.improve(&network, shape, 300);
+        (0..300).for_each(|_| filter.step(&network, shape));
         let (after, _) = residual(&filter);
         assert!(after < 1e-3 * right && after < before, "{before}, then {after} of {right}");
     }

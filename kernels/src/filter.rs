@@ -136,19 +136,18 @@ impl Respond<'_> {
         let mut sums = [simd.zero(); VALUES];
         for u in 0..filter.h {
             let row = self.shape.met(self.features, u, self.first_row + y, x);
-            let from = &self.filter[u * row_len..][..row_len];
-            let whole = row_len - row_len % S::LANES;
-            for t in (0..whole).step_by(S::LANES) {
-                let f = simd.load(&from[t..]);
-                for (i, sum) in sums.iter_mut().enumerate() {
-                    *sum = simd.mul_add(simd.load(&row[i * channels + t..]), f, *sum);
-                }
+            let from = self.filter[u * row_len..][..row_len].chunks_exact(S::LANES);
+            let mut met: [_; VALUES] =
+                std::array::from_fn(|i| row[i * channels..][..row_len].chunks_exact(S::LANES));
+            let f = simd.load_partial(from.remainder());
+            for (sum, met) in sums.iter_mut().zip(&met) {
+                *sum = simd.mul_add(simd.load_partial(met.remainder()), f, *sum);
             }
-            if whole < row_len {
-                let f = simd.load_partial(&from[whole..]);
-                for (i, sum) in sums.iter_mut().enumerate() {
-                    let met = &row[i * channels..][whole..row_len];
-                    *sum = simd.mul_add(simd.load_partial(met), f, *sum);
+            for f in from {
+                let f = simd.load(f);
+                for (sum, met) in sums.iter_mut().zip(&mut met) {
+                    let Some(met) = met.next() else { break };
+                    *sum = simd.mul_add(simd.load(met), f, *sum);
                 }
             }
         }
@@ -169,38 +168,42 @@ impl Kernel for Adjoint<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let row_len = self.shape.row_len();
-        for u in 0..self.out.len() / row_len {
-            let mut t = 0;
-            while t < row_len {
-                t += match (row_len - t) / S::LANES {
-                    8.. => self.tile::<S, 8>(simd, u, t),
-                    1.. => self.tile::<S, 1>(simd, u, t),
-                    _ => self.rest(simd, u, t),
-                };
+        let (row_len, height) = (self.shape.row_len(), self.shape.out_size().h);
+        // A row of the features serves every row of the filter while it is in the nearest cache.
+        for from in self.first_row..self.shape.size.h {
+            for u in 0..self.out.len() / row_len {
+                let Some(y) = from.checked_sub(self.first_row + u).filter(|y| *y < height) else { continue };
+                let mut t = 0;
+                while t < row_len {
+                    t += match (row_len - t) / S::LANES {
+                        8.. => self.tile::<S, 8>(simd, u, y, t),
+                        1.. => self.tile::<S, 1>(simd, u, y, t),
+                        _ => self.rest(simd, u, y, t),
+                    };
+                }
             }
         }
     }
 }
 
 impl Adjoint<'_> {
-    /// Neighbouring vectors of row `u` of `out`, from value `t` on: a value of the response is spread once for all of them.
-    /// Returns how many values they are.
+    /// What row `y` of the response adds to neighbouring vectors of row `u` of `out`, from value `t` on: one of its values is
+    /// spread for all of them. Returns how many values they are.
     #[inline(always)]
-    fn tile<S: Simd, const VECTORS: usize>(&mut self, simd: S, u: usize, t: usize) -> usize {
-        let (shape, width) = (self.shape, self.shape.out_size().w);
-        let out = &mut self.out[u * shape.row_len() + t..][..VECTORS * S::LANES];
+    fn tile<S: Simd, const VECTORS: usize>(&mut self, simd: S, u: usize, y: usize, t: usize) -> usize {
+        let FilterShape { channels, .. } = self.shape;
+        let width = self.shape.out_size().w;
+        let out = &mut self.out[u * self.shape.row_len() + t..][..VECTORS * S::LANES];
         let mut sums = [simd.zero(); VECTORS];
         for (sum, out) in sums.iter_mut().zip(out.chunks_exact(S::LANES)) {
             *sum = simd.load(out);
         }
-        for (y, row) in self.response.chunks_exact(width).enumerate() {
-            let met = shape.met(self.features, self.first_row + u, y, 0);
-            for (x, value) in row.iter().enumerate() {
-                let (met, value) = (&met[x * shape.channels + t..][..VECTORS * S::LANES], simd.splat(*value));
-                for (sum, met) in sums.iter_mut().zip(met.chunks_exact(S::LANES)) {
-                    *sum = simd.mul_add(simd.load(met), value, *sum);
-                }
+        let met = &self.shape.met(self.features, self.first_row + u, y, 0)[t..];
+        let row = &self.response[y * width..][..width];
+        for (x, value) in row.iter().enumerate() {
+            let (met, value) = (&met[x * channels..][..VECTORS * S::LANES], simd.splat(*value));
+            for (sum, met) in sums.iter_mut().zip(met.chunks_exact(S::LANES)) {
+                *sum = simd.mul_add(simd.load(met), value, *sum);
             }
         }
         for (sum, out) in sums.into_iter().zip(out.chunks_exact_mut(S::LANES)) {
@@ -209,18 +212,17 @@ impl Adjoint<'_> {
         VECTORS * S::LANES
     }
 
-    /// The end of row `u` of `out`, from value `t` on: less than one vector. Returns how many values they are.
+    /// What row `y` of the response adds to the end of row `u` of `out`, from value `t` on: less than one vector. Returns how many
+    /// values they are.
     #[inline(always)]
-    fn rest<S: Simd>(&mut self, simd: S, u: usize, t: usize) -> usize {
+    fn rest<S: Simd>(&mut self, simd: S, u: usize, y: usize, t: usize) -> usize {
         let (shape, width) = (self.shape, self.shape.out_size().w);
         let out = &mut self.out[u * shape.row_len()..][t..shape.row_len()];
+        let met = &shape.met(self.features, self.first_row + u, y, 0)[t..];
         let mut sum = simd.load_partial(out);
-        for (y, row) in self.response.chunks_exact(width).enumerate() {
-            let met = shape.met(self.features, self.first_row + u, y, 0);
-            for (x, value) in row.iter().enumerate() {
-                let met = &met[x * shape.channels + t..][..out.len()];
-                sum = simd.mul_add(simd.load_partial(met), simd.splat(*value), sum);
-            }
+        for (x, value) in self.response[y * width..][..width].iter().enumerate() {
+            let met = &met[x * shape.channels..][..out.len()];
+            sum = simd.mul_add(simd.load_partial(met), simd.splat(*value), sum);
         }
         simd.store_partial(sum, out);
         out.len()
