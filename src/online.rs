@@ -103,6 +103,7 @@ impl OnlineFilter {
         self.memory[0].weight = 1.0;
         self.begin_round(network, shape);
         (0..FIRST_STEPS).for_each(|_| self.step(network, shape));
+        self.clear_if_broken();
     }
 
     /// Responds to the network's last look. Returns what it says, row by row; nothing before the first look.
@@ -147,22 +148,21 @@ impl OnlineFilter {
             self.step(network, shape);
         }
         self.turn = (self.turn + 1) % (STEPS + 1);
+        self.clear_if_broken();
+    }
+
+    /// Features that are not finite would stay in the filter for good: the tracker is better off without one.
+    fn clear_if_broken(&mut self) {
+        if !self.solver.power.is_finite() {
+            self.clear();
+        }
     }
 
     /// Measures the first look's features.
     fn scale_by(&mut self, map: &Map, shape: FilterShape) {
-        let channels = shape.channels;
-        let cells = shape.size.area() as f32;
-        self.mean.clear();
-        self.mean.resize(channels, 0.0);
-        let mut power = 0.0;
-        for cell in map.values().chunks_exact(channels) {
-            for (mean, value) in self.mean.iter_mut().zip(cell) {
-                *mean += value / cells;
-                power += value * value / cells;
-            }
-        }
-        let variance = power - self.mean.iter().map(|mean| mean * mean).sum::<f32>();
+        map.channel_means(&mut self.mean);
+        let square = |values: &[f32]| values.iter().map(|v| v * v).sum::<f32>();
+        let variance = square(map.values()) / shape.size.area() as f32 - square(&self.mean);
         self.scale = 1.0 / (variance * shape.filter.area() as f32).max(1e-12).sqrt();
     }
 
@@ -192,17 +192,11 @@ impl OnlineFilter {
     /// Sums up how far the filter is off, and so where the next step goes: the normal equations' residual,
     /// `sum_k w_k X_k^T (y_k - X_k f) - RIDGE f`.
     fn begin_round(&mut self, network: &Network, shape: FilterShape) {
-        let OnlineFilter { filter, memory, solver: Solver { response, rest, direction, power, .. }, .. } =
-            self;
-        let (isa, threads) = (network.model().isa(), network.threads());
-        threads.enter(|| {
-            rest.iter_mut().zip(&*filter).for_each(|(rest, f)| *rest = -RIDGE * f);
-            for Look { features, label, weight } in memory.iter().filter(|look| look.weight > 0.0) {
-                respond(isa, threads, shape, features, filter, response);
-                response.iter_mut().zip(label).for_each(|(v, label)| *v = weight * (label - *v));
-                adjoint(isa, threads, shape, features, response, rest);
-            }
-        });
+        let OnlineFilter { filter, memory, solver, .. } = self;
+        let Solver { response, rest, direction, power, .. } = solver;
+        let error = |response: f32, label: f32| label - response;
+        rest.iter_mut().zip(&*filter).for_each(|(rest, f)| *rest = -RIDGE * f);
+        add_pass(network, shape, memory, filter, response, error, rest);
         direction.copy_from_slice(rest);
         *power = dot(rest, rest);
     }
@@ -214,15 +208,8 @@ impl OnlineFilter {
         if *power < 1e-12 {
             return; // as good as it gets
         }
-        let (isa, threads) = (network.model().isa(), network.threads());
-        threads.enter(|| {
-            image.iter_mut().zip(&*direction).for_each(|(image, d)| *image = RIDGE * d);
-            for Look { features, weight, .. } in memory.iter().filter(|look| look.weight > 0.0) {
-                respond(isa, threads, shape, features, direction, response);
-                response.iter_mut().for_each(|v| *v *= weight);
-                adjoint(isa, threads, shape, features, response, image);
-            }
-        });
+        image.iter_mut().zip(&*direction).for_each(|(image, d)| *image = RIDGE * d);
+        add_pass(network, shape, memory, direction, response, |response, _| response, image);
         let length = *power / dot(direction, image);
         filter.iter_mut().zip(&*direction).for_each(|(f, d)| *f += length * d);
         rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
@@ -230,6 +217,26 @@ impl OnlineFilter {
         direction.iter_mut().zip(&*rest).for_each(|(d, rest)| *d = rest + next / *power * *d);
         *power = next;
     }
+}
+
+/// One pass over the memory: adds `sum_k w_k X_k^T value(X_k f, y_k)` to `out`.
+fn add_pass(
+    network: &Network,
+    shape: FilterShape,
+    memory: &[Look],
+    filter: &[f32],
+    response: &mut [f32],
+    value: impl Fn(f32, f32) -> f32 + Sync,
+    out: &mut [f32],
+) {
+    let (isa, threads) = (network.model().isa(), network.threads());
+    threads.enter(|| {
+        for Look { features, label, weight } in memory.iter().filter(|look| look.weight > 0.0) {
+            respond(isa, threads, shape, features, filter, response);
+            response.iter_mut().zip(label).for_each(|(v, label)| *v = weight * value(*v, *label));
+            adjoint(isa, threads, shape, features, response, out);
+        }
+    });
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f32 {
@@ -246,8 +253,16 @@ mod tests {
 
     const MIDDLE: Spot = Spot { row: 11.0, column: 11.0, side: 8.0 };
 
+    /// Blocks of 16 x 16 pixels in colours of their own.
     fn crop(side: usize, seed: usize) -> Vec<u8> {
-        (0..side * side * 3).map(|i| ((i + seed) * (i + 3 * seed) / 7 % 251) as u8).collect()
+        let mut bytes = Vec::with_capacity(side * side * 3);
+        for i in 0..side * side * 3 {
+            let (row, column, colour) = (i / 3 / side / 16, i / 3 % side / 16, i % 3);
+            let block = ((seed * 64 + row) * 64 + column) * 3 + colour;
+            let mixed = (block as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            bytes.push(((mixed ^ (mixed >> 31)).wrapping_mul(0x94d0_49bb_1331_11eb) >> 56) as u8);
+        }
+        bytes
     }
 
     /// A small network that has looked at one picture.
@@ -312,8 +327,21 @@ mod tests {
         let response = filter.respond(&network).to_vec();
         let best = (0..response.len()).max_by(|a, b| response[*a].total_cmp(&response[*b])).unwrap();
         assert!((best / 23).abs_diff(7) <= 1 && (best % 23).abs_diff(14) <= 1, "peak at {best}");
-        assert!(response[best] > 0.5, "{}", response[best]);
+        let away = |i: usize| (i / 23).abs_diff(7).max((i % 23).abs_diff(14));
+        let elsewhere = (0..response.len()).filter(|i| away(*i) > 4).map(|i| response[i]).fold(0.0, f32::max);
+        assert!(response[best] > 3.0 * elsewhere, "{} and {elsewhere} elsewhere", response[best]);
         filter.clear();
+        assert!(filter.respond(&network).is_empty());
+    }
+
+    #[test]
+    fn features_that_are_not_finite_end_it() {
+        let network = network();
+        let mut filter = OnlineFilter::default();
+        filter.begin(&network, |_| MIDDLE);
+        assert!(!filter.respond(&network).is_empty());
+        filter.features[5] = f32::NAN;
+        filter.learn(&network, |_| MIDDLE);
         assert!(filter.respond(&network).is_empty());
     }
 

@@ -44,6 +44,17 @@ impl Map {
         self.channels
     }
 
+    /// Mean of every channel over the cells, into `means`.
+    pub(crate) fn channel_means(&self, means: &mut Vec<f32>) {
+        means.clear();
+        means.resize(self.channels, 0.0);
+        for cell in self.values.chunks_exact(self.channels.max(1)) {
+            means.iter_mut().zip(cell).for_each(|(sum, value)| *sum += value);
+        }
+        let cells = self.size.area().max(1) as f32;
+        means.iter_mut().for_each(|sum| *sum /= cells);
+    }
+
     /// Becomes the window of `size` that starts at (`row`, `column`) of a map of floats.
     pub(crate) fn copy_window(&mut self, from: &Map, size: Size, row: usize, column: usize) {
         let (row_len, start) = (from.size.w * from.channels, column * from.channels);

@@ -95,7 +95,7 @@ impl Witness {
         let choice = seen.choice?;
         let outputs = network.outputs();
         let (template, search) = network.identity();
-        mean(search, &mut self.mean);
+        search.channel_means(&mut self.mean);
         let view = View { seen, selector };
 
         candidates::find(outputs, selector, &choice, &mut self.candidates);
@@ -222,19 +222,6 @@ fn compare(template: &Map, search: &Map, mean: &[f32], y: usize, x: usize) -> (f
 fn cosine(a: &[f32], b: &[f32]) -> f64 {
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
     f64::from(dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(1e-12))
-}
-
-/// Mean of every channel.
-fn mean(map: &Map, out: &mut Vec<f32>) {
-    out.clear();
-    out.resize(map.channels(), 0.0);
-    for pixel in map.values().chunks_exact(map.channels().max(1)) {
-        for (sum, v) in out.iter_mut().zip(pixel) {
-            *sum += v;
-        }
-    }
-    let cells = map.size().area().max(1) as f32;
-    out.iter_mut().for_each(|sum| *sum /= cells);
 }
 
 /// From crop pixels of a search to frame pixels.
