@@ -75,6 +75,9 @@ pub struct RunArgs {
     /// The folder it lies in.
     #[arg(long, value_name = "DIR")]
     pub root: PathBuf,
+    /// Four passes over each sequence: from its first and middle frame forwards, from its last and middle frame backwards.
+    #[arg(long)]
+    pub four_starts: bool,
     /// Where results go: <DIR>/<benchmark>/<name>/<sequence>.txt, times/<sequence>_time.txt beside them.
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
@@ -149,6 +152,9 @@ pub struct TruthArgs {
     /// The folder that the benchmark lies in.
     #[arg(long, value_name = "DIR", requires = "dataset")]
     pub root: Option<PathBuf>,
+    /// The four passes of `ope run --four-starts` over each sequence.
+    #[arg(long)]
+    pub four_starts: bool,
 }
 
 /// `score`.

@@ -10,6 +10,7 @@
 //! | benchmarks as they lie on disk | [`dataset`] |
 //! | rendered flights as a benchmark | [`render`] |
 //! | a tracker over a benchmark, ours or another program | [`run`] |
+//! | four passes over each sequence in place of one | [`starts`] |
 //! | this repository's tracker, put near the target in every frame | [`step`] |
 //! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
 //! | several trackers: tables, plots, a page | [`compare`], [`plot`], [`report`] |
@@ -34,6 +35,7 @@ pub mod results;
 pub mod run;
 pub mod score;
 pub mod speed;
+pub mod starts;
 pub mod step;
 pub mod table;
 #[cfg(test)]

@@ -114,6 +114,11 @@ fn flights_are_rendered_tracked_and_scored() {
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(value["sequences"], 2);
     assert!(value["auc"].as_f64().unwrap() > 20.0 && value["fps"]["frames_per_time"].as_f64().unwrap() > 0.0);
+    let (code, _, told) = ope(&folder, &[&["run", "--four-starts"], &data[..], &["--out", "out"]].concat());
+    assert!(code == Some(0) && told.contains("6 sequences run"), "the first passes are there: {told}");
+    let (_, text, told) = ope(&folder, &[&score[..], &data[..], &["--four-starts"]].concat());
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(value["sequences"], 8, "{told}");
     assert_eq!(ope(&folder, &["render", "--out", "x", "--size", "9999999x9"]).0, Some(2));
 }
 

@@ -4,7 +4,7 @@ use crate::args::{CompareArgs, ReportArgs, TrackersArgs};
 use ope::compare::{Comparison, Pair};
 use ope::score::Missing;
 use ope::table::Table;
-use ope::{Error, Notes, Results, report, results};
+use ope::{Error, Notes, Results, report, results, starts};
 use std::fs;
 
 /// Reads what is to be compared.
@@ -14,6 +14,7 @@ fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
     let opened: Result<Vec<Results>, Error> =
         args.results.iter().map(|folder| Results::open(folder)).collect();
     let attributes = match (args.truth.dataset, &args.truth.root) {
+        (Some(set), Some(root)) if args.truth.four_starts => starts::attributes(set.attributes(root)?),
         (Some(set), Some(root)) => set.attributes(root)?,
         _ => Default::default(),
     };
@@ -56,7 +57,10 @@ pub fn report(args: &ReportArgs) -> Result<(), Error> {
     let comparison = read(&args.trackers)?;
     let failures = match (args.trackers.truth.dataset, &args.trackers.truth.root) {
         (Some(set), Some(root)) if args.failures > 0 => {
-            let sequences = set.load(root, &mut Notes::default())?;
+            let mut sequences = set.load(root, &mut Notes::default())?;
+            if args.trackers.truth.four_starts {
+                sequences = starts::sequences(sequences);
+            }
             report::failures(&comparison, &sequences, args.failures)?
         }
         _ => Vec::new(),

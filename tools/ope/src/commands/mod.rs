@@ -8,7 +8,7 @@ pub mod score;
 pub mod step;
 
 use crate::args::TruthArgs;
-use ope::{Annotation, Error, Notes, annotations};
+use ope::{Annotation, Error, Notes, annotations, starts};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -32,7 +32,7 @@ fn print(text: &str) -> Result<(), Error> {
 
 /// The annotations meant, by name.
 fn truth(args: &TruthArgs, notes: &mut Notes) -> Result<Vec<Annotation>, Error> {
-    match (&args.annotations, args.dataset, &args.root) {
+    let whole = match (&args.annotations, args.dataset, &args.root) {
         (Some(folder), ..) => annotations::read_folder(folder),
         (None, Some(set), Some(root)) => set.annotations(root, notes),
         _ => Err(Error::Option {
@@ -40,7 +40,8 @@ fn truth(args: &TruthArgs, notes: &mut Notes) -> Result<Vec<Annotation>, Error> 
             expected: "it, or --dataset with --root".into(),
             found: "neither".into(),
         }),
-    }
+    }?;
+    Ok(if args.four_starts { starts::annotations(whole) } else { whole })
 }
 
 /// A tracker's name that is to be a folder's.

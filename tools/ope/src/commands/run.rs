@@ -2,7 +2,7 @@
 
 use crate::args::{MergeArgs, RunArgs};
 use ope::run::{Program, Runner};
-use ope::{Error, Notes};
+use ope::{Error, Notes, starts};
 use std::num::NonZeroUsize;
 use std::thread;
 use track_cpu::{Isa, Model};
@@ -11,7 +11,10 @@ use track_cpu::{Isa, Model};
 pub fn run(args: &RunArgs) -> Result<(), Error> {
     let dataset = args.dataset;
     let mut notes = Notes::default();
-    let sequences = dataset.load(&args.root, &mut notes)?;
+    let mut sequences = dataset.load(&args.root, &mut notes)?;
+    if args.four_starts {
+        sequences = starts::sequences(sequences);
+    }
     eprint!("{notes}");
     let (runner, name) = match (&args.tracker, &args.model) {
         (Some(program), _) => {
