@@ -3,7 +3,7 @@
 #![cfg(feature = "cli")]
 
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
-use track_cpu::flight::{Budget, FlightOptions, FlightTrack, FlightTracker};
+use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTrack, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, State, TrackError, Tracker};
 
 const WIDTH: usize = 320;
@@ -35,7 +35,8 @@ fn frame(data: &[u8]) -> Frame<'_> {
 
 fn tracker(recover: bool) -> FlightTracker {
     let model = Model::builtin(Isa::detect());
-    let options = FlightOptions { recover, ..FlightOptions::new(&model) };
+    let conduct = if recover { Conduct::Recover } else { Conduct::Tell };
+    let options = FlightOptions { conduct, ..FlightOptions::new(&model) };
     FlightTracker::new(model, options).unwrap()
 }
 

@@ -41,7 +41,7 @@ use sweep::Sweep;
 
 pub use candidates::{Candidate, MAX_CANDIDATES};
 pub use evidence::{COUNT as EVIDENCE_COUNT, Evidence, NAMES as EVIDENCE_NAMES};
-pub use options::{Budget, FlightOptions, FlightTrack, State};
+pub use options::{Budget, Conduct, FlightOptions, FlightTrack, State};
 pub use presence::{NOTE as PRESENCE_NOTE, Presence, PresenceError, Weighing};
 
 /// Follows one object and says whether it is there.
@@ -173,7 +173,9 @@ impl FlightTracker {
 
     /// The paper's tracker, watched.
     fn follow(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
-        let track = if self.options.recover { self.tracker.find(frame) } else { self.tracker.update(frame) }?;
+        let (recover, careful) =
+            (self.options.conduct == Conduct::Recover, self.options.conduct != Conduct::Tell);
+        let track = if careful { self.tracker.find(frame) } else { self.tracker.update(frame) }?;
         self.score = track.score;
         let finding = self.judge(true);
         let Some(finding) = finding else {
@@ -183,7 +185,7 @@ impl FlightTracker {
         };
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
         let mut bbox = track.bbox.center();
-        let jumped = self.options.recover && !self.is_within_reach(&finding.bbox);
+        let jumped = recover && !self.is_within_reach(&finding.bbox);
         if jumped && self.is_regained(&finding) {
             self.kalman = Some(Kalman::new(&bbox));
         } else if jumped {
@@ -223,7 +225,7 @@ impl FlightTracker {
             return Ok(());
         }
         self.witness.learn(&finding.evidence, probability);
-        if self.options.recover && !jumped && self.probation.is_none() {
+        if careful && !jumped && self.probation.is_none() {
             self.tracker.learn();
         }
         if self.state != State::Reacquired || self.frames_in_state >= FRESH {
@@ -263,7 +265,7 @@ impl FlightTracker {
     /// One more frame without the target: in the end the box is no longer believed.
     fn doubt(&mut self) {
         self.faint += 1;
-        if self.options.recover && self.faint >= self.options.patience {
+        if self.options.conduct == Conduct::Recover && self.faint >= self.options.patience {
             self.enter(State::Coasting);
         } else {
             self.enter(State::LowConfidence);

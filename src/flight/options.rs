@@ -60,8 +60,8 @@ pub struct FlightOptions {
     pub coast: u32,
     /// Frames in a row that a place must look like the target before a lost one is taken as found.
     pub confirm: u32,
-    /// Whether to coast and to search; without, the paper's tracker runs on and only `presence` tells.
-    pub recover: bool,
+    /// What is done about a target that may not be there.
+    pub conduct: Conduct,
 }
 
 impl FlightOptions {
@@ -77,9 +77,20 @@ impl FlightOptions {
             patience: 8,
             coast: 30,
             confirm: 3,
-            recover: true,
+            conduct: Conduct::Recover,
         }
     }
+}
+
+/// What a [`FlightTracker`](super::FlightTracker) does about a target that may not be there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conduct {
+    /// It coasts, searches, and learns looks only from what is surely the target.
+    Recover,
+    /// The paper's tracker runs on; only `presence` tells.
+    Tell,
+    /// The same, but looks are learnt with the care of [`Recover`](Conduct::Recover): what presence is calibrated on.
+    Watch,
 }
 
 /// How much work one frame may be; the first search is always made.

@@ -13,6 +13,10 @@ use crate::{CalibrateArgs, Failure, load};
 /// Shares of the frame before that are tried.
 const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
 
+/// Evidence that must not speak against the target: what the online filter says. It agrees with so much else that its weight
+/// could come out below 0, and then a picture that shows nothing speaks for the target.
+const RISING: [usize; 2] = [12, 13];
+
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
@@ -67,7 +71,7 @@ fn weighing(looks: &[(Inputs, bool)]) -> Result<Weighing, Failure> {
         let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
         return Err(Failure::Nothing(needed.into()));
     }
-    let (bias, weights) = logistic(looks);
+    let (bias, weights) = logistic(looks, &RISING);
     Ok(Weighing { bias, weights })
 }
 
@@ -86,7 +90,7 @@ fn smooth(mut presence: Presence, memory: f64, flights: &[Samples]) -> (f64, Pre
     presence.memory = memory;
     let labelled = |(odds, sample): (f64, &Sample)| Some(([odds], sample.on?));
     let odds: Vec<([f64; 1], bool)> = smoothed(&presence, flights).into_iter().filter_map(labelled).collect();
-    let (shift, [gain]) = logistic(&odds);
+    let (shift, [gain]) = logistic(&odds, &[]);
     (presence.gain, presence.shift) = (gain.max(0.05), shift);
     (log_loss(&probabilities(&presence, flights)), presence)
 }

@@ -1,11 +1,11 @@
 //! Evidence with the truth about it.
 //!
-//! Three kinds: what the tracker saw frame after frame, running on whether the target was there or not; looks at the
-//! target's own place and at look-alikes and bare ground, as re-detection takes them; and such looks by a tracker that has
-//! not seen the target for a while.
+//! Four kinds: what the tracker saw frame after frame, running on whether the target was there or not; looks at the
+//! target's own place and at look-alikes and bare ground, as re-detection takes them; such looks by a tracker that has
+//! not seen the target for a while; and both at pictures that show nothing.
 
-use track_cpu::flight::{Budget, Evidence, FlightOptions, FlightTracker};
-use track_cpu::{BBox, Frame, Model};
+use track_cpu::flight::{Budget, Conduct, Evidence, FlightOptions, FlightTracker};
+use track_cpu::{BBox, ChannelOrder, Frame, Model};
 
 use scenes::Truth;
 
@@ -16,6 +16,8 @@ use crate::{Failure, FlightArgs};
 const OFF_FRAMES: u32 = 60;
 /// Frames between looks elsewhere.
 const LOOK_EVERY: usize = 5;
+/// Looks elsewhere for each one at an empty picture.
+const EMPTY_EVERY: usize = 5;
 /// Frames that the second tracker sees its target for,
 const SEEN: u32 = 40;
 /// and frames that it then only looks around for.
@@ -49,7 +51,7 @@ pub fn collect(model: &Model, args: &FlightArgs, first: u64) -> Result<Vec<Sampl
 }
 
 fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failure> {
-    let options = FlightOptions { recover: false, ..FlightOptions::new(model) };
+    let options = FlightOptions { conduct: Conduct::Watch, ..FlightOptions::new(model) };
     let mut tracker = FlightTracker::new(model.clone(), options)?;
     let mut late = FlightTracker::new(model.clone(), options)?;
     let mut samples = Samples::default();
@@ -70,6 +72,7 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
             age = if is_on(&track.bbox, truth) == Some(false) { u32::MAX } else { age };
         } else if age <= SEEN + UNSEEN && index % LOOK_EVERY == 0 {
             look_around(&mut late, frame, truth, &mut chance, &mut samples.again)?;
+            look_at_nothing(&mut late, index, truth, &mut samples.again)?;
         }
         if off > OFF_FRAMES {
             if may_show {
@@ -87,6 +90,7 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
         off = if on == Some(false) && truth.visible > 0.5 { off + 1 } else { 0 };
         if index % LOOK_EVERY == 0 {
             look_around(&mut tracker, frame, truth, &mut chance, &mut samples.looks)?;
+            look_at_nothing(&mut tracker, index, truth, &mut samples.looks)?;
         }
         Ok(())
     })?;
@@ -120,6 +124,28 @@ fn look_around(
             looks.push(Sample { evidence, on, gone });
         }
     }
+    Ok(())
+}
+
+/// Looks at a picture of one colour, now and then: a covered lens, fog, a broken stream.
+fn look_at_nothing(
+    tracker: &mut FlightTracker,
+    index: usize,
+    truth: &Truth,
+    looks: &mut Vec<Sample>,
+) -> Result<(), Failure> {
+    if !index.is_multiple_of(LOOK_EVERY * EMPTY_EVERY) {
+        return Ok(());
+    }
+    let (width, height) = (320, 180);
+    let grey = (index * 37 % 256) as u8;
+    let empty = vec![grey; 3 * width * height];
+    let frame = Frame::new(&empty, width, height, ChannelOrder::Rgb)
+        .map_err(|error| Failure::Nothing(format!("an empty picture: {error}")))?;
+    let target = bbox(&truth.bbox);
+    let around = BBox::new(width as f32 / 2.0, height as f32 / 2.0, target.w, target.h);
+    let found = tracker.examine(&frame, around)?;
+    looks.extend(found.map(|(_, evidence)| Sample { evidence, on: Some(false), gone: true }));
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! `evaluate`: flight mode as a whole on rendered flights, beside the paper's mode.
 
-use track_cpu::flight::{Budget, FlightOptions, FlightTracker, Presence};
+use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker, Presence};
 use track_cpu::{BBox, Frame, Model, State};
 
 use scenes::{Difficulty, Truth};
@@ -84,7 +84,7 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
 
 fn flight(model: &Model, presence: &Presence, args: &EvaluateArgs, seed: u64) -> Result<Outcome, Failure> {
     let options = FlightOptions::new(model);
-    let follow = FlightOptions { recover: false, ..options };
+    let follow = FlightOptions { conduct: Conduct::Tell, ..options };
     let mut trackers = [options, follow].map(|o| FlightTracker::with_presence(model.clone(), o, *presence));
     let mut moments = [Vec::new(), Vec::new()];
     play(&args.flights, seed, |index, frame, truth| {

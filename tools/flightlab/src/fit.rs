@@ -5,10 +5,25 @@ use track_cpu::flight::EVIDENCE_COUNT;
 const STEPS: usize = 30;
 const RIDGE: f64 = 1e-3; // per sample, on standardised inputs
 
-/// Bias and weights that predict `y` from `x`.
+/// Bias and weights that predict `y` from `x`; the weights of the inputs in `rising` are not below 0.
 ///
-/// Minimises the mean logistic loss plus `RIDGE` times half the squared weights of the standardised inputs.
-pub fn logistic<const N: usize>(samples: &[([f64; N], bool)]) -> (f64, [f64; N]) {
+/// Minimises the mean logistic loss plus `RIDGE` times half the squared weights of the standardised inputs. An input of
+/// `rising` that would weigh less than 0 is left out, the worst first.
+pub fn logistic<const N: usize>(samples: &[([f64; N], bool)], rising: &[usize]) -> (f64, [f64; N]) {
+    let mut used = [true; N];
+    loop {
+        let (bias, weights) = newton(samples, &used);
+        let worst =
+            rising.iter().copied().filter(|&i| i < N).min_by(|&a, &b| weights[a].total_cmp(&weights[b]));
+        match worst {
+            Some(i) if weights[i] < 0.0 => used[i] = false,
+            _ => return (bias, weights),
+        }
+    }
+}
+
+/// The fit with the inputs that are `used`; the others weigh 0.
+fn newton<const N: usize>(samples: &[([f64; N], bool)], used: &[bool; N]) -> (f64, [f64; N]) {
     let count = samples.len().max(1) as f64;
     let mean: [f64; N] = std::array::from_fn(|i| samples.iter().map(|(x, _)| x[i]).sum::<f64>() / count);
     let deviation: [f64; N] = std::array::from_fn(|i| {
@@ -22,7 +37,7 @@ pub fn logistic<const N: usize>(samples: &[([f64; N], bool)]) -> (f64, [f64; N])
         for (x, y) in samples {
             let mut z = vec![1.0; N + 1];
             for i in 0..N {
-                z[i + 1] = (x[i] - mean[i]) / deviation[i];
+                z[i + 1] = if used[i] { (x[i] - mean[i]) / deviation[i] } else { 0.0 };
             }
             let odds: f64 = weights.iter().zip(&z).map(|(w, z)| w * z).sum();
             let p = 1.0 / (1.0 + (-odds).exp());
@@ -91,15 +106,23 @@ mod tests {
                 samples.extend((0..100).map(|k| (x, f64::from(k) + 0.5 < 100.0 * p)));
             }
         }
-        let (bias, weights) = logistic(&samples);
+        let (bias, weights) = logistic(&samples, &[0]);
         assert!((weights[0] - 1.5).abs() < 0.1 && (weights[1] + 0.8).abs() < 0.06, "{weights:?}");
         assert!((bias + 100.0 * weights[1] - 0.3).abs() < 0.1, "{bias}");
     }
 
     #[test]
+    fn a_rising_input_never_speaks_against() {
+        let samples: Vec<_> = (0..40).map(|i| ([f64::from(i), f64::from(i * i)], i % 7 < 3)).collect();
+        let (free, (_, held)) = (logistic(&samples, &[]).1, logistic(&samples, &[0, 1]));
+        assert!(free.iter().any(|w| *w < 0.0), "{free:?}");
+        assert!(held.iter().all(|w| *w >= 0.0), "{held:?}");
+    }
+
+    #[test]
     fn separable_samples_stay_finite() {
         let samples: Vec<_> = (0..40).map(|i| ([f64::from(i), 1.0], i >= 20)).collect();
-        let (bias, weights) = logistic(&samples);
+        let (bias, weights) = logistic(&samples, &[]);
         assert!(bias.is_finite() && weights.iter().all(|w| w.is_finite()) && weights[0] > 0.1);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
+use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
 use track_cpu::source::{Input, Source};
 use track_cpu::{BBox, Model};
 
@@ -72,7 +72,8 @@ fn track(
     recover: bool,
     searches: u32,
 ) -> Result<Tracks, Failure> {
-    let options = FlightOptions { recover, ..FlightOptions::new(model) };
+    let conduct = if recover { Conduct::Recover } else { Conduct::Tell };
+    let options = FlightOptions { conduct, ..FlightOptions::new(model) };
     let mut tracker = FlightTracker::new(model.clone(), options)?;
     let wrong = |error: &dyn std::fmt::Display| Failure::File(folder.to_path_buf(), error.to_string());
     let source = Source::open(&Input::new(folder.join("img"))).map_err(|error| wrong(&error))?;

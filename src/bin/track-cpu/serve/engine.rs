@@ -1,6 +1,6 @@
 //! The tracker of `serve` and `replay`: one way to run a frame, so that both do exactly the same.
 
-use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
+use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
 use track_cpu::{BBox, Frame, Model, State, TrackError};
 
 use super::report::Tracked;
@@ -18,8 +18,11 @@ impl Engine {
     /// If the model's presence coefficients are wrong.
     pub fn new(model: Model, args: &EngineArgs, mode: Mode) -> Result<Engine, Failure> {
         let (threads, cores) = (args.threads, args.cores());
-        let options =
-            FlightOptions { threads, cores, recover: mode == Mode::Flight, ..FlightOptions::new(&model) };
+        let conduct = match mode {
+            Mode::Flight => Conduct::Recover,
+            Mode::Paper => Conduct::Tell,
+        };
+        let options = FlightOptions { threads, cores, conduct, ..FlightOptions::new(&model) };
         Ok(Engine { tracker: FlightTracker::new(model, options)?, mode })
     }
 
