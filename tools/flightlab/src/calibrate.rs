@@ -15,7 +15,7 @@ const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
 
 /// Evidence that must not speak against the target: what the online filter says. It agrees with so much else that its weight
 /// could come out below 0, and then a picture that shows nothing speaks for the target.
-const RISING: [usize; 2] = [12, 13];
+const RISING: [&str; 2] = ["response", "contrast"];
 
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
@@ -71,7 +71,9 @@ fn weighing(looks: &[(Inputs, bool)]) -> Result<Weighing, Failure> {
         let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
         return Err(Failure::Nothing(needed.into()));
     }
-    let (bias, weights) = logistic(looks, &RISING);
+    let rising: Vec<usize> =
+        RISING.iter().filter_map(|name| EVIDENCE_NAMES.iter().position(|other| other == name)).collect();
+    let (bias, weights) = logistic(looks, &rising);
     Ok(Weighing { bias, weights })
 }
 
