@@ -327,6 +327,7 @@ mod tests {
         let response = filter.respond(&network).to_vec();
         let best = (0..response.len()).max_by(|a, b| response[*a].total_cmp(&response[*b])).unwrap();
         assert!((best / 23).abs_diff(7) <= 1 && (best % 23).abs_diff(14) <= 1, "peak at {best}");
+        assert!(response[best] > 0.5, "{}", response[best]);
         let away = |i: usize| (i / 23).abs_diff(7).max((i % 23).abs_diff(14));
         let elsewhere = (0..response.len()).filter(|i| away(*i) > 4).map(|i| response[i]).fold(0.0, f32::max);
         assert!(response[best] > 3.0 * elsewhere, "{} and {elsewhere} elsewhere", response[best]);

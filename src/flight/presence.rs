@@ -212,12 +212,12 @@ mod tests {
 
     #[test]
     fn smoothing_follows_with_delay() {
-        let look = Weighing { weights: [0.5; COUNT], bias: 0.0 }; // 7 in all: within the clamp
+        let look = Weighing { weights: [10.0 / COUNT as f64; COUNT], bias: 0.0 }; // 10 in all: within the clamp
         let presence = Presence { look, again: look, memory: 0.5, gain: 1.0, shift: 0.0 };
         let (good, bad) = (Evidence { values: [1.0; COUNT] }, Evidence { values: [-1.0; COUNT] });
         let mut smoothed = Smoothed::default();
         assert_eq!(smoothed.add(&presence, &good), look.alone(&good));
         assert_eq!(smoothed.add(&presence, &bad), 0.5);
-        assert!(smoothed.add(&presence, &bad) < 0.05);
+        assert!(smoothed.add(&presence, &bad) < 0.01);
     }
 }
