@@ -49,29 +49,28 @@ impl Start {
 
 /// The annotations of all passes; a sequence of which only the first box is public keeps its one pass.
 pub fn annotations(whole: Vec<Annotation>) -> Vec<Annotation> {
-    let mut passes = Vec::new();
-    for whole in whole {
-        let of = |start: Start| start.annotation(&whole, &start.order(whole.boxes.len()));
-        if whole.boxes.len() > 1 {
-            passes.extend(STARTS.into_iter().filter_map(of));
-        } else {
-            passes.push(whole);
-        }
-    }
-    passes
+    passes(whole, |whole| whole, |start, whole| start.annotation(whole, &start.order(whole.boxes.len())))
 }
 
 /// The same with their pictures.
 pub fn sequences(whole: Vec<Sequence>) -> Vec<Sequence> {
+    let pass = |start: Start, whole: &Sequence| {
+        let order = start.order(whole.frames.len());
+        let annotation = start.annotation(&whole.annotation, &order)?;
+        Some(Sequence { annotation, frames: order.iter().map(|&i| whole.frames[i].clone()).collect() })
+    };
+    passes(whole, |whole| &whole.annotation, pass)
+}
+
+fn passes<T>(
+    whole: Vec<T>,
+    annotation: impl Fn(&T) -> &Annotation,
+    pass: impl Fn(Start, &T) -> Option<T>,
+) -> Vec<T> {
     let mut passes = Vec::new();
     for whole in whole {
-        let of = |start: Start| {
-            let order = start.order(whole.frames.len());
-            let annotation = start.annotation(&whole.annotation, &order)?;
-            Some(Sequence { annotation, frames: order.iter().map(|&i| whole.frames[i].clone()).collect() })
-        };
-        if whole.annotation.boxes.len() > 1 {
-            passes.extend(STARTS.into_iter().filter_map(of));
+        if annotation(&whole).boxes.len() > 1 {
+            passes.extend(STARTS.into_iter().filter_map(|start| pass(start, &whole)));
         } else {
             passes.push(whole);
         }
