@@ -160,7 +160,7 @@ pub struct CameraMotion {
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     motion: [f64; 4], // as of `Motion`: a, b, x, y
-    difference: f64,  // mean of the brightness differences that are left
+    difference: f64,  // mean of the brightness differences that were left before the last step
 }
 
 impl CameraMotion {

@@ -6,11 +6,13 @@
 //! | `slot.rs` | latest frame wins |
 //! | `engine.rs` | the tracker, run the same way here and in `replay.rs` |
 //! | `hub.rs`, `report.rs` | commands in, reports out |
+//! | `ages.rs` | how old frames were when their boxes went out |
 //! | `log.rs`, `replay.rs` | the flight log and doing it again |
 //! | `watchdog.rs` | signs of life for systemd |
 //! | `mavlink/` | the camera that autopilots and ground stations see |
 //! | `http/` | the web ground station |
 
+mod ages;
 pub mod args;
 #[cfg(target_os = "linux")]
 mod camera;
@@ -47,6 +49,7 @@ use serde_json::json;
 use track_cpu::source::SourceError;
 
 use crate::exit::Failure;
+use ages::Ages;
 use args::ServeArgs;
 use engine::Engine;
 use hub::{Command, Hub};
@@ -94,8 +97,18 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     let feeder = feed.start(args.fps, args.every_frame, Arc::clone(&slot));
 
     let lines = Lines::new(!args.quiet, args.udp.as_deref())?;
-    let mut serving =
-        Serving { args, began, engine, hub: &hub, slot: &slot, log, lines, late: 0, first: true };
+    let mut serving = Serving {
+        args,
+        began,
+        engine,
+        hub: &hub,
+        slot: &slot,
+        log,
+        lines,
+        ages: Ages::new(),
+        late: 0,
+        first: true,
+    };
     let served = serving.until_the_end();
     hub.stop();
     slot.close();
@@ -108,6 +121,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         std::thread::sleep(Duration::from_millis(10));
     }
     threads.into_iter().for_each(|thread| drop(thread.join()));
+    eprintln!("{}; {} dropped for newer ones, {} too old", serving.ages, slot.dropped(), serving.late);
     served
 }
 
@@ -120,6 +134,7 @@ struct Serving<'a> {
     slot: &'a Slot,
     log: Option<Log>,
     lines: Lines,
+    ages: Ages,
     late: u64,
     first: bool,
 }
@@ -190,6 +205,7 @@ impl Serving<'_> {
         if age > self.args.max_age_ms && !self.args.every_frame {
             self.late += 1;
         } else {
+            self.ages.add(age);
             self.lines.write(&report)?;
             self.hub.publish(report, &shot.image);
         }
