@@ -71,10 +71,13 @@ fn weighing(looks: &[(Inputs, bool)]) -> Result<Weighing, Failure> {
         let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
         return Err(Failure::Nothing(needed.into()));
     }
-    let rising: Vec<usize> =
-        RISING.iter().filter_map(|name| EVIDENCE_NAMES.iter().position(|other| other == name)).collect();
-    let (bias, weights) = logistic(looks, &rising);
+    let (bias, weights) = logistic(looks, &rising());
     Ok(Weighing { bias, weights })
+}
+
+/// Where the evidence of [`RISING`] is among all.
+fn rising() -> Vec<usize> {
+    (0..EVIDENCE_NAMES.len()).filter(|&i| RISING.contains(&EVIDENCE_NAMES[i])).collect()
 }
 
 /// Six significant digits are more than the fit is worth.
@@ -150,4 +153,14 @@ fn report(title: &str, presence: &Presence, flights: &[Samples]) {
         shown(auroc(&alike))
     );
     println!("{}", reliability(&again));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evidence_that_must_not_fall_exists() {
+        assert_eq!(rising().len(), RISING.len());
+    }
 }
