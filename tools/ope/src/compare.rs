@@ -9,6 +9,7 @@ use crate::notes::Notes;
 use crate::plot::{self, Axes, Series};
 use crate::results::Results;
 use crate::score::{Evaluation, Missing, Score};
+use std::collections::HashSet;
 
 /// Trackers under one rule on the same sequences.
 #[derive(Clone, Debug)]
@@ -65,12 +66,14 @@ impl Comparison {
             }
         }
         let has = |t: &Evaluation, name: &str| t.sequences.iter().any(|s| s.annotation.name == name);
-        let common: Vec<String> = annotations.iter().map(|a| a.name.clone()).collect();
-        let common: Vec<String> =
-            common.into_iter().filter(|name| trackers.iter().all(|t| has(t, name))).collect();
+        let common: HashSet<&str> = annotations
+            .iter()
+            .map(|a| a.name.as_str())
+            .filter(|name| trackers.iter().all(|t| has(t, name)))
+            .collect();
         for tracker in &mut trackers {
             let before = tracker.sequences.len();
-            tracker.sequences.retain(|s| common.binary_search(&s.annotation.name).is_ok());
+            tracker.sequences.retain(|s| common.contains(s.annotation.name.as_str()));
             if tracker.sequences.len() < before {
                 let (name, left) = (&tracker.tracker, tracker.sequences.len());
                 notes.add(format!(
@@ -241,6 +244,23 @@ mod tests {
         assert!(
             compared.success_plot().contains("x [") && compared.speed_plot().unwrap().contains("<circle")
         );
+    }
+
+    #[test]
+    fn annotations_come_in_any_order() {
+        let folder = Folder::new("compare-order");
+        for name in ["a", "b", "c", "d"] {
+            folder.write(&format!("truth/{name}.txt"), "10,10,20,20\n".repeat(4));
+            folder.write(&format!("x/{name}.txt"), "10,10,20,20\n".repeat(4));
+        }
+        let mut truth = annotations::read_folder(&folder.path().join("truth")).unwrap();
+        truth.reverse();
+        let results = [Results::open(&folder.path().join("x")).unwrap()];
+        let (none, mut notes) = (Attributes::default(), Notes::default());
+        let compared =
+            Comparison::read(&truth, &results, Convention::Got10k, Missing::Refuse, none, &mut notes)
+                .unwrap();
+        assert_eq!((compared.trackers[0].sequences.len(), notes.to_string().as_str()), (4, ""));
     }
 
     #[test]

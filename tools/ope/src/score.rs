@@ -104,7 +104,7 @@ impl Evaluation {
             ));
         }
         for name in results.names()? {
-            if annotations.binary_search_by(|a| a.name.cmp(&name)).is_err() {
+            if !annotations.iter().any(|a| a.name == name) {
                 notes.add(format!("{tracker}: results of {name}, which is not annotated, are not used"));
             }
         }
@@ -192,6 +192,21 @@ mod tests {
         let evaluation =
             Evaluation::read(&truth, &results, missing, &mut notes).map_err(|e| e.to_string())?;
         Ok((evaluation, notes))
+    }
+
+    #[test]
+    fn results_are_used_in_whatever_order_annotations_come() {
+        let folder = Folder::new("order");
+        for name in ["a", "b", "c", "d"] {
+            folder.write(&format!("truth/{name}.txt"), "10,10,20,20\n".repeat(2));
+            folder.write(&format!("found/{name}.txt"), "10,10,20,20\n".repeat(2));
+        }
+        let mut truth = annotations::read_folder(&folder.path().join("truth")).unwrap();
+        truth.reverse();
+        let results = Results::open(&folder.path().join("found")).unwrap();
+        let mut notes = Notes::default();
+        let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
+        assert_eq!((evaluation.sequences.len(), notes.to_string().as_str()), (4, ""));
     }
 
     #[test]
