@@ -12,10 +12,11 @@
 //! | `presence.rs` | evidence -> probability; coefficients travel with the weights |
 //! | `rivals.rs` | objects seen beside the target, which are not it |
 //! | `camera.rs`, `kalman.rs` | where the target should be: the picture's motion and the target's own |
-//! | `sweep.rs` | in which order the frame is searched for a lost target |
+//! | `sweep.rs`, `colours.rs` | in which order the frame is searched for a lost target |
 
 mod camera;
 mod candidates;
+mod colours;
 mod evidence;
 mod kalman;
 mod options;
@@ -32,6 +33,7 @@ use crate::frame::Frame;
 use crate::model::Model;
 use crate::tracker::{SearchRegion, Tracker, TrackerOptions};
 use camera::CameraMotion;
+use colours::Colours;
 use evidence::{Finding, Witness};
 use kalman::Kalman;
 use presence::Smoothed;
@@ -67,6 +69,9 @@ pub struct FlightTracker {
     leads: Vec<(f64, CenterBox)>, // places that deserve a closer look, best last: log-odds and box
     closer_look: bool,            // the next free search is one
     sweep: Sweep,
+    colours: Colours,
+    by_colours: bool,               // the next look elsewhere is where the colours are
+    visited: Vec<(CenterBox, u32)>, // places looked at lately; age in frames
     search_cost: Duration,
     evidence: Option<Evidence>,
 }
@@ -119,6 +124,9 @@ impl FlightTracker {
             leads: Vec::new(),
             closer_look: false,
             sweep: Sweep::default(),
+            colours: Colours::default(),
+            by_colours: false,
+            visited: Vec::new(),
             search_cost: Duration::from_millis(20),
             evidence: None,
         }
@@ -132,6 +140,8 @@ impl FlightTracker {
         self.tracker.init(frame, bbox)?;
         self.witness.reset();
         self.rivals.clear();
+        self.colours.clear();
+        self.colours.learn(frame, &bbox.center());
         self.camera = CameraMotion::default();
         self.camera.observe(frame, None);
         self.smoothed = Smoothed::default();
@@ -225,6 +235,9 @@ impl FlightTracker {
             return Ok(());
         }
         self.witness.learn(&finding.evidence, probability);
+        if recover && sure {
+            self.colours.learn(frame, &bbox);
+        }
         if careful && !jumped && self.probation.is_none() {
             self.tracker.learn();
         }
@@ -337,6 +350,7 @@ impl FlightTracker {
         self.tentative = None;
         self.leads.clear();
         self.sweep.clear();
+        self.visited.clear();
     }
 
     /// Where the target should be, as far as that is in the frame.

@@ -24,6 +24,12 @@ const TILE_SHARE: f64 = 120.0 / 303.0;
 const SOON: u32 = 10;
 /// this far from where it should be, in its sides, is another object.
 const FAR: f64 = 2.0;
+/// Share of what one search covers that its colours need not bring us back to,
+const VISITED: f32 = 0.8;
+/// for so many frames,
+const REMEMBERED: u32 = 15;
+/// of so many places at most.
+const MOST_VISITED: usize = 128;
 /// Most places that wait for a closer look.
 const MAX_LEADS: usize = 8;
 
@@ -43,6 +49,10 @@ impl FlightTracker {
         let carry = |bbox: &CenterBox| motion.carry(bbox);
         for (_, bbox) in &mut self.leads {
             *bbox = carry(bbox);
+        }
+        self.visited.retain(|(_, age)| *age < REMEMBERED);
+        for (bbox, age) in &mut self.visited {
+            (*bbox, *age) = (carry(bbox), *age + 1);
         }
         if let Some(tentative) = &mut self.tentative {
             tentative.bbox = carry(&tentative.bbox);
@@ -113,18 +123,19 @@ impl FlightTracker {
         }
     }
 
-    /// Looks at the sweep's next tile, in a wider region, and keeps what it finds there as a lead.
+    /// Looks where the target's colours are or at the sweep's next tile, by turns, and keeps what it finds there as a lead.
     fn look_elsewhere(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
         let size = self.predicted(frame);
-        let tile = self.sweep.next().or_else(|| {
-            let side = f64::from(size.w * size.h).sqrt();
-            let radius = self.kalman.map_or(0.0, |kalman| kalman.gate()) * side;
-            let frame_size = (frame.width(), frame.height());
-            self.sweep.plan(frame_size, self.tile_side(&size), (size.cx, size.cy), radius);
-            self.sweep.next()
-        });
-        let Some(((cx, cy), zoom)) = tile else { return Ok(()) };
-        self.tracker.look(frame, CenterBox { cx, cy, ..size }, zoom, 0.0)?;
+        let coloured = if self.by_colours { self.coloured_place(frame, &size) } else { None };
+        self.by_colours = !self.by_colours;
+        let place = coloured.map(|place| (place, 1.0)).or_else(|| self.next_tile(frame, &size));
+        let Some(((cx, cy), zoom)) = place else { return Ok(()) };
+        let around = CenterBox { cx, cy, ..size };
+        if self.visited.len() == MOST_VISITED {
+            self.visited.remove(0);
+        }
+        self.visited.push((around, 0));
+        self.tracker.look(frame, around, zoom, 0.0)?;
         let Some(finding) = self.judge(false) else { return Ok(()) };
         self.recognise(false);
         self.suspect(&finding);
@@ -136,6 +147,29 @@ impl FlightTracker {
             self.leads.drain(..excess);
         }
         Ok(())
+    }
+
+    /// The place within reach that has the target's colours most and was not looked at lately.
+    fn coloured_place(&mut self, frame: &Frame<'_>, size: &CenterBox) -> Option<(f32, f32)> {
+        let kalman = self.kalman?;
+        let seen = 0.5 * VISITED * self.tile_side(size) as f32;
+        let visited = &self.visited;
+        self.colours.hottest(frame, size, |cx, cy| {
+            let near = |at: &CenterBox| (at.cx - cx).abs() <= seen && (at.cy - cy).abs() <= seen;
+            kalman.distance(&CenterBox { cx, cy, ..*size }) <= kalman.gate()
+                && !visited.iter().any(|(at, _)| near(at))
+        })
+    }
+
+    /// The sweep's next tile and its zoom, of a new sweep if need be.
+    fn next_tile(&mut self, frame: &Frame<'_>, size: &CenterBox) -> Option<((f32, f32), f64)> {
+        self.sweep.next().or_else(|| {
+            let side = f64::from(size.w * size.h).sqrt();
+            let radius = self.kalman.map_or(0.0, |kalman| kalman.gate()) * side;
+            let frame_size = (frame.width(), frame.height());
+            self.sweep.plan(frame_size, self.tile_side(size), (size.cx, size.cy), radius);
+            self.sweep.next()
+        })
     }
 
     /// Takes the best lead for a closer look, if there is one.

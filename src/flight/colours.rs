@@ -1,0 +1,181 @@
+//! Where a frame has the target's colours: a cheap hint at where to look first for a lost target.
+//!
+//! Two histograms, of the target's colours and of the whole view's; a place is as promising as the mean of their log ratio in a
+//! box of the target's size there (the Bayes classifier of colours that Bertinetto et al., "Staple", CVPR 2016, section 3.3, track with).
+//! Colours decide nothing: they only say in which order places are looked at.
+
+use crate::bbox::CenterBox;
+use crate::frame::Frame;
+
+/// Levels per channel.
+const LEVELS: usize = 16;
+const COLOURS: usize = LEVELS * LEVELS * LEVELS;
+/// Samples per axis of the target,
+const TARGET_SAMPLES: usize = 24;
+/// and of the view.
+const VIEW_SAMPLES: (usize, usize) = (64, 36);
+/// Cells of the map along the target's side, and most cells in all.
+const CELLS: f64 = 6.0;
+const MOST_CELLS: f64 = 65536.0;
+/// Share of a new observation in the histograms.
+const LEARNING: f32 = 0.05;
+/// Share that every colour is taken to have at least.
+const LEAST: f32 = 2e-4;
+/// Share of the target's box that is looked at: its corners mostly show something else.
+const INNER: f32 = 0.8;
+
+/// What the target's colours are, and the view's.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Colours {
+    target: Vec<f32>, // [COLOURS]: shares; empty before the first look
+    view: Vec<f32>,   // [COLOURS]: shares
+    heat: Vec<f32>,   // [COLOURS]: log ratio
+    sums: Vec<f64>,   // integral image of the frame's heat, one row and column more than cells
+}
+
+impl Colours {
+    /// Forgets the target.
+    pub(super) fn clear(&mut self) {
+        self.target.clear();
+        self.view.clear();
+    }
+
+    /// Learns from a frame in which the target is surely seen.
+    pub(super) fn learn(&mut self, frame: &Frame<'_>, bbox: &CenterBox) {
+        let first = self.target.is_empty();
+        let rate = if first { 1.0 } else { LEARNING };
+        for histogram in [&mut self.target, &mut self.view] {
+            histogram.resize(COLOURS, 0.0);
+            histogram.iter_mut().for_each(|share| *share *= 1.0 - rate);
+        }
+        let (w, h) = (INNER * bbox.w, INNER * bbox.h);
+        let (left, top) = (bbox.cx - 0.5 * w, bbox.cy - 0.5 * h);
+        count(frame, (left, top, w, h), (TARGET_SAMPLES, TARGET_SAMPLES), rate, &mut self.target);
+        let all = (0.0, 0.0, frame.width() as f32, frame.height() as f32);
+        count(frame, all, VIEW_SAMPLES, rate, &mut self.view);
+    }
+
+    /// The centre of the place of a box's size that has the target's colours most, among those that are `allowed`; `None` before
+    /// anything was learnt or if none is allowed.
+    pub(super) fn hottest(
+        &mut self,
+        frame: &Frame<'_>,
+        size: &CenterBox,
+        allowed: impl Fn(f32, f32) -> bool,
+    ) -> Option<(f32, f32)> {
+        if self.target.is_empty() {
+            return None;
+        }
+        let (width, height) = (frame.width(), frame.height());
+        let least = (width as f64 * height as f64 / MOST_CELLS).sqrt();
+        let step = (f64::from(size.w * size.h).sqrt() / CELLS).max(least).ceil().max(1.0) as usize;
+        let (columns, rows) = (width.div_ceil(step), height.div_ceil(step));
+        let ratio = |(target, view): (&f32, &f32)| ((target + LEAST) / (view + LEAST)).ln();
+        self.heat.clear();
+        self.heat.extend(self.target.iter().zip(&self.view).map(ratio));
+        self.sums.clear();
+        self.sums.resize((columns + 1) * (rows + 1), 0.0);
+        for row in 0..rows {
+            let mut line = 0.0;
+            for column in 0..columns {
+                let colour = colour_at(frame, column * step + step / 2, row * step + step / 2);
+                line += f64::from(self.heat[colour]);
+                self.sums[(row + 1) * (columns + 1) + column + 1] =
+                    self.sums[row * (columns + 1) + column + 1] + line;
+            }
+        }
+        let half = |side: f32| (side as usize / step).max(1).div_ceil(2);
+        let (half_w, half_h) = (half(size.w), half(size.h));
+        let mut best: Option<(f64, f32, f32)> = None;
+        for row in 0..rows {
+            let (top, low) = (row.saturating_sub(half_h), (row + half_h).min(rows));
+            for column in 0..columns {
+                let (left, right) = (column.saturating_sub(half_w), (column + half_w).min(columns));
+                let at = |row: usize, column: usize| self.sums[row * (columns + 1) + column];
+                let sum = at(low, right) - at(top, right) - at(low, left) + at(top, left);
+                let heat = sum / ((low - top) * (right - left)) as f64;
+                let (x, y) = ((column * step) as f32, (row * step) as f32);
+                if best.is_none_or(|(hottest, ..)| heat > hottest) && allowed(x, y) {
+                    best = Some((heat, x, y));
+                }
+            }
+        }
+        best.map(|(_, x, y)| (x, y))
+    }
+}
+
+/// Adds the colours of a region (left, top, width, height) to a histogram, `rate` in all.
+fn count(
+    frame: &Frame<'_>,
+    (left, top, width, height): (f32, f32, f32, f32),
+    (columns, rows): (usize, usize),
+    rate: f32,
+    histogram: &mut [f32],
+) {
+    let share = rate / (columns * rows) as f32;
+    for row in 0..rows {
+        let y = top + height * (row as f32 + 0.5) / rows as f32;
+        for column in 0..columns {
+            let x = left + width * (column as f32 + 0.5) / columns as f32;
+            histogram[colour_at(frame, x.max(0.0) as usize, y.max(0.0) as usize)] += share;
+        }
+    }
+}
+
+/// Index of the colour of the pixel there, or of the nearest one.
+fn colour_at(frame: &Frame<'_>, x: usize, y: usize) -> usize {
+    let (offsets, step) = (frame.order().bgr_offsets(), frame.order().bytes_per_pixel());
+    let pixel = &frame.row(y.min(frame.height() - 1))[x.min(frame.width() - 1) * step..];
+    offsets.iter().fold(0, |index, &offset| LEVELS * index + usize::from(pixel[offset]) * LEVELS / 256)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::ChannelOrder;
+
+    /// Grey ground with a red box of 16 x 10 pixels and one that is half red.
+    fn picture(red: (usize, usize), half: (usize, usize)) -> Vec<u8> {
+        let mut data = [90u8, 95, 85].repeat(160 * 90);
+        for (at, every) in [(red, 1), (half, 2)] {
+            for y in at.1..at.1 + 10 {
+                for x in (at.0..at.0 + 16).step_by(every) {
+                    data[3 * (160 * y + x)..][..3].copy_from_slice(&[200, 30, 20]);
+                }
+            }
+        }
+        data
+    }
+
+    #[test]
+    fn the_hottest_place_has_the_targets_colours() {
+        let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
+        let mut colours = Colours::default();
+        let data = picture((30, 20), (100, 20));
+        let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
+        assert_eq!(colours.hottest(&frame, &size, |_, _| true), None);
+        colours.learn(&frame, &size);
+        let data = picture((120, 60), (20, 40));
+        let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
+        let near = |(x, y): (f32, f32), at: (f32, f32)| (x - at.0).abs() <= 3.0 && (y - at.1).abs() <= 3.0;
+        let (x, y) = colours.hottest(&frame, &size, |_, _| true).unwrap();
+        assert!(near((x, y), (128.0, 65.0)), "{x} {y}");
+        let (x, y) = colours.hottest(&frame, &size, |x, _| x < 100.0).unwrap();
+        assert!(near((x, y), (28.0, 45.0)), "{x} {y}");
+        assert_eq!(colours.hottest(&frame, &size, |_, _| false), None);
+        colours.clear();
+        assert_eq!(colours.hottest(&frame, &size, |_, _| true), None);
+    }
+
+    #[test]
+    fn any_frame_will_do() {
+        let size = CenterBox { cx: 0.0, cy: 0.0, w: 500.0, h: 0.5 };
+        for (width, height) in [(1, 1), (3, 700), (700, 2)] {
+            let data = vec![7u8; width * height];
+            let frame = Frame::new(&data, width, height, ChannelOrder::Gray).unwrap();
+            let mut colours = Colours::default();
+            colours.learn(&frame, &size);
+            assert!(colours.hottest(&frame, &size, |_, _| true).is_some());
+        }
+    }
+}
