@@ -20,7 +20,7 @@ pub(super) struct Tentative {
 
 /// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
 const TILE_SHARE: f64 = 120.0 / 303.0;
-/// Frames of coasting during which whatever looks like the target
+/// Frames of coasting during which what surely looks like the target
 const SOON: u32 = 10;
 /// this far from where it should be, in its sides, is another object.
 const FAR: f64 = 2.0;
@@ -114,10 +114,10 @@ impl FlightTracker {
         self.presence.again.log_odds(&finding.evidence) + kalman.log_ratio(&finding.bbox)
     }
 
-    /// Something that looks like the target, but is where it cannot be so soon, is a rival.
+    /// Something that surely looks like the target, but is where it cannot be so soon, is a rival.
     fn suspect(&mut self, finding: &Finding) {
         let away = self.away(&finding.bbox);
-        let alike = self.presence.again.alone(&finding.evidence) >= self.options.present;
+        let alike = self.presence.again.alone(&finding.evidence) >= self.options.sure;
         if alike && self.state == State::Coasting && self.frames_in_state <= SOON && away >= FAR {
             self.rivals.meet(&finding.bbox);
         }
