@@ -146,19 +146,6 @@ impl Tile<'_> {
         }
     }
 
-    /// Writes the products as they are, whole vectors of them.
-    #[inline(always)]
-    #[allow(clippy::needless_range_loop)]
-    pub(super) fn products<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
-        let sums = self.sums::<S, PIXELS, VECTORS>(simd);
-        for i in 0..PIXELS {
-            let out = &mut self.out[i * self.out_step..][..VECTORS * S::LANES];
-            for v in 0..VECTORS {
-                simd.store(sums[i][v], &mut out[v * S::LANES..]);
-            }
-        }
-    }
-
     #[inline(always)]
     #[allow(clippy::needless_range_loop)]
     fn sums<S: Simd, const PIXELS: usize, const VECTORS: usize>(

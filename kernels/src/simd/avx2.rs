@@ -16,6 +16,7 @@ impl Avx2 {
     /// Runs `kernel` in a function that is compiled with these instructions.
     #[inline]
     pub(crate) fn enter<K: Kernel>(self, kernel: K) -> K::Output {
+        #[inline(never)]
         #[target_feature(enable = "avx2,fma")]
         fn inner<K: Kernel>(simd: Avx2, kernel: K) -> K::Output {
             kernel.run(simd)
@@ -40,6 +41,11 @@ impl Simd for Avx2 {
     type F32 = __m256;
     const LANES: usize = 8;
     const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
+
+    #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        self.enter(kernel)
+    }
 
     #[inline(always)]
     fn splat(self, x: f32) -> __m256 {

@@ -22,6 +22,7 @@ impl Avx512 {
     /// Runs `kernel` in a function that is compiled with these instructions.
     #[inline]
     pub(crate) fn enter<K: Kernel>(self, kernel: K) -> K::Output {
+        #[inline(never)]
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
         fn inner<K: Kernel>(simd: Avx512, kernel: K) -> K::Output {
             kernel.run(simd)
@@ -41,6 +42,11 @@ impl Simd for Avx512 {
     type F32 = __m512;
     const LANES: usize = 16;
     const TILE_PIXELS: [usize; 4] = [0, 9, 9, 9];
+
+    #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        self.enter(kernel)
+    }
 
     #[inline(always)]
     fn splat(self, x: f32) -> __m512 {

@@ -44,6 +44,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// accumulators, weights and one broadcast value just fit the register file (`[0]` is unused).
     const TILE_PIXELS: [usize; 4];
 
+    /// Runs `kernel` in a function of its own, which the compiler optimises by itself: for the stages of a larger kernel.
+    fn call<K: Kernel>(self, kernel: K) -> K::Output;
+
     /// All lanes `x`.
     fn splat(self, x: f32) -> Self::F32;
 

@@ -1,6 +1,6 @@
 //! Four lanes through the crate `wide`: SSE2 on x86-64, NEON on aarch64, plain Rust elsewhere.
 
-use super::{Dot, Simd};
+use super::{Dot, Kernel, Simd};
 use wide::{f32x4, i16x8, i32x4, u16x8};
 
 /// The instruction set of the compiler's target.
@@ -11,6 +11,11 @@ impl Simd for Portable {
     type F32 = f32x4;
     const LANES: usize = 4;
     const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
+
+    #[inline(never)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        kernel.run(self)
+    }
 
     #[inline(always)]
     fn splat(self, x: f32) -> f32x4 {

@@ -22,21 +22,36 @@
 //! Source: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016; the choice of points: Barabasz et al., "Error
 //! analysis and improving the accuracy of Winograd convolution for deep neural networks", 2020.
 //!
-//! A thread takes some rows of tiles, a strip at a time, and does all three steps for it in its own scratch space, a block of output
-//! channels at a time: small enough for the cache.
+//! A thread takes its tiles a strip at a time, and does all three steps for it in its own scratch space, a block of output channels at a
+//! time: small enough for the cache. A row of points of `M` is halfway to outputs as soon as it is multiplied, and never leaves
+//! the first cache:
+//!
+//! ```text
+//! for each strip of tiles
+//!   V, all points
+//!   for each block of 1..=3 channel vectors
+//!     for each row of points
+//!       M of the row: for each point and group of tiles, sums in registers    <- the hot loop, in `Products`
+//!       M A of the row
+//!     A^T (M A), bias, floor
+//! ```
 //!
 //! `U` is `a * a / (k * k)` times as large as the kernels. For `k = 3` that is up to 7 times, and on the small maps where such
 //! kernels stand reading it from memory would take longer than multiplying with it: there `U` is made anew where it is used, a row of
 //! points at a time.
 
 mod points;
+mod transforms;
 
-use super::direct::{Tile, blocks};
+use super::direct::blocks;
 use super::{ConvShape, fold};
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Size};
+use points::kernel_matrix;
 pub use points::{MAX_KERNEL, kernel_row, pairs};
-use points::{input_points, kernel_matrix, output_values};
+use std::ops::Range;
+pub use transforms::input_tile;
+use transforms::{HalfOutputs, InputTiles, KernelRow, OutputTiles};
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
@@ -148,101 +163,97 @@ impl TransformKernels<'_> {
             (taps, from) = from.split_at(K * K * step);
             (points, to) = to.split_at_mut(A * A * step);
             for (i, row) in points.chunks_exact_mut(A * step).enumerate() {
-                row_of_kernels::<S, A, K>(simd, &g, i, taps, row, step);
+                simd.call(KernelRow::<A, K> { g: &g, i, taps, u: row, u_step: step });
             }
         }
     }
 }
 
-/// Row `i` of the points of `U` for one block: from `[Cin * vectors][k * k][LANES]` taps to `A` matrices `[Cin, vectors * LANES]`,
-/// which begin `u_step` apart.
-#[inline(always)]
-#[allow(clippy::needless_range_loop)] // constant indices keep the taps in registers
-fn row_of_kernels<S: Simd, const A: usize, const K: usize>(
-    simd: S,
-    g: &[[f32; MAX_KERNEL]; A],
-    i: usize,
-    taps: &[f32],
-    u: &mut [f32],
-    u_step: usize,
-) {
-    let row = &g[i];
-    for (n, taps) in taps.chunks_exact(K * K * S::LANES).enumerate() {
-        let mut line = [simd.zero(); K]; // of G g
-        for x in 0..K {
-            for y in 0..K {
-                let tap = simd.load(&taps[(y * K + x) * S::LANES..]);
-                line[x] = simd.mul_add(simd.splat(row[y]), tap, line[x]);
-            }
-        }
-        let mut points = [simd.zero(); A];
-        points[0] = simd.mul_add(simd.splat(g[0][0]), line[0], simd.zero());
-        for j in (1..A - 1).step_by(2) {
-            let (mut even, mut odd) = (simd.zero(), simd.zero()); // powers of the point, which comes with both signs
-            for x in 0..K {
-                let sum = if x % 2 == 0 { &mut even } else { &mut odd };
-                *sum = simd.mul_add(simd.splat(g[j][x]), line[x], *sum);
-            }
-            (points[j], points[j + 1]) = (simd.add(even, odd), simd.sub(even, odd));
-        }
-        points[A - 1] = line[K - 1];
-        for j in 0..A {
-            simd.store(points[j], &mut u[j * u_step + n * S::LANES..]);
-        }
-    }
-}
+/// Most tiles in a strip where `U` is made anew for every strip.
+const STRIP_TILES: usize = 64;
 
-/// Tiles that one strip takes, if a row of tiles is not longer: where `U` is made anew for every strip, and where it is read.
-const STRIP_TILES: [usize; 2] = [64, 24];
+/// Most values that a strip works on where `U` is read: half a megabyte of cache holds them beside it.
+const STRIP_VALUES: usize = 75 << 10;
+
+/// Values in the longest cache line.
+const LINE: usize = 16;
 
 /// How a map is cut into tiles, and the scratch space for a strip of them.
 ///
-/// `V` and `M` lie group by group (as many tiles as a register tile takes), in a group point by point: the transforms, which
-/// touch all points of a tile, stay within few pages of memory.
+/// `V` lies group by group (as many tiles as a register tile takes), in a group point by point: its transform, which
+/// touches all points of a tile, stays within few pages of memory.
 struct Plan {
-    points: usize, // a
-    across: usize, // tiles in a row
-    strip: usize,  // rows of tiles in a strip
-    group: usize,  // most tiles in a group
-    v_step: usize, // from one point's V to the next one's, within a group
-    m_step: usize, // from one point's M to the next one's, within a group
-    u_step: usize, // from one point's U to the next one's, within a row
+    across: usize,   // tiles in a row
+    strip: usize,    // most tiles in a strip
+    group: usize,    // most tiles in a group
+    v_step: usize,   // from one point's V to the next one's, within a group
+    v_len: usize,    // from one group's V to the next one's
+    u_step: usize,   // from one point's U to the next one's, where a row of it is made anew
+    m_len: usize,    // a row of M
+    half_len: usize, // M A
 }
 
 impl Plan {
     fn new(weights: &Weights, out: Size) -> Plan {
         let Weights { shape, points, lanes, group, kernels } = weights;
         let m = rows_per_tile(shape, *points);
-        let across = out.w.div_ceil(m);
-        let anew = matches!(kernels, Kernels::Taps(_));
-        let strip = (STRIP_TILES[usize::from(!anew)] / across).clamp(1, out.h.div_ceil(m));
+        let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
         // One cache line more than needed, lest the points' lines fall on each other in the cache.
-        let step = |values: usize| values.next_multiple_of(16) + 16;
+        let step = |values: usize| values.next_multiple_of(LINE) + LINE;
+        let anew = matches!(kernels, Kernels::Taps(_));
+        let values = points * (points * shape.in_channels + m * lanes); // of V and M A, per tile
+        let most = if anew { STRIP_TILES } else { (STRIP_VALUES / values).max(*group) };
+        let strips = (across * down).div_ceil(most);
+        let strip = (across * down).div_ceil(strips);
+        let strip = if strips > 1 { strip.next_multiple_of(*group) } else { strip };
+        let v_step = step(group * shape.in_channels);
         Plan {
-            points: *points,
             across,
             strip,
             group: *group,
-            v_step: step(group * shape.in_channels),
-            m_step: step(group * lanes),
+            v_step,
+            v_len: points * points * v_step,
             u_step: if anew { step(shape.in_channels * lanes) } else { 0 },
+            m_len: points * strip * lanes,
+            half_len: points * m * strip * lanes,
         }
     }
 
-    /// Values of `V` and of `M` of one group.
-    fn group_len(&self) -> [usize; 2] {
-        [self.v_step, self.m_step].map(|step| self.points * self.points * step)
+    /// Values of `V`, of a row of `U` that is made anew, of a row of `M`, and of `M A`.
+    fn lens(&self, points: usize) -> [usize; 4] {
+        [self.strip.div_ceil(self.group) * self.v_len, points * self.u_step, self.m_len, self.half_len]
     }
 
-    fn scratch_len(&self) -> usize {
-        let groups = (self.strip * self.across).div_ceil(self.group);
-        groups * self.group_len().iter().sum::<usize>() + self.points * self.u_step
+    /// The corner of a tile of `m x m` outputs.
+    #[inline(always)]
+    fn corner(&self, tile: usize, m: usize) -> (usize, usize) {
+        (tile / self.across * m, tile % self.across * m)
+    }
+}
+
+/// Some tiles, counted along the rows from a thread's first.
+struct Strip<'a> {
+    plan: &'a Plan,
+    tiles: Range<usize>,
+}
+
+impl Strip<'_> {
+    /// The groups as two runs of equal ones, the larger first: how many there are, and of how many tiles each.
+    #[inline(always)]
+    fn runs(&self) -> [(usize, usize); 2] {
+        let groups = self.tiles.len().div_ceil(self.plan.group);
+        let (tiles, larger) = (self.tiles.len() / groups, self.tiles.len() % groups);
+        [(larger, tiles + 1), (groups - larger, tiles)]
     }
 
-    /// The first tile of each group and behind the last, of `tiles` in groups of equal size: no small rest.
-    fn groups(&self, tiles: usize) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
-        let groups = tiles.div_ceil(self.group);
-        (0..groups).map(move |i| i * tiles / groups..(i + 1) * tiles / groups)
+    /// The tiles of each group.
+    #[inline(always)]
+    fn groups(&self) -> impl Iterator<Item = Range<usize>> {
+        let lens = self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
+        lens.scan(self.tiles.start, |first, tiles| {
+            *first += tiles;
+            Some(*first - tiles..*first)
+        })
     }
 }
 
@@ -253,7 +264,7 @@ pub(super) fn rows_per_tile(shape: &ConvShape, points: usize) -> usize {
 
 /// Scratch values per thread.
 pub(super) fn scratch_len(weights: &Weights, out: Size) -> usize {
-    Plan::new(weights, out).scratch_len()
+    LINE + Plan::new(weights, out).lens(weights.points).iter().sum::<usize>()
 }
 
 /// Some rows of one convolution without padding.
@@ -289,187 +300,140 @@ impl Winograd<'_> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const K: usize, const M: usize>(self, simd: S) {
         let Winograd { weights, bias, input, size, first_row, out, scratch } = self;
-        let shape = &weights.shape;
+        let ConvShape { in_channels: cin, out_channels: cout, relu, .. } = weights.shape;
         let width = size.w + 1 - K;
-        let (cin, cout) = (shape.in_channels, shape.out_channels);
-        let plan = Plan::new(weights, Size { h: size.h + 1 - K, w: width });
-        let [v_len, m_len] = plan.group_len();
-        let (u, scratch) = scratch.split_at_mut(A * plan.u_step);
-        let (v, m) = scratch.split_at_mut((plan.strip * plan.across).div_ceil(plan.group) * v_len);
-        let floor = if shape.relu { 0.0 } else { f32::NEG_INFINITY };
-        let g = kernel_matrix(K);
-        let (mut half_in, mut half_out) = ([[simd.zero(); A]; A], [[simd.zero(); M]; A]);
-        for (i, out) in out.chunks_mut(plan.strip * M * width * cout).enumerate() {
-            let top = first_row + i * plan.strip * M;
-            let tiles = (out.len() / (width * cout)).div_ceil(M) * plan.across;
-            for (group, v) in plan.groups(tiles).zip(v.chunks_exact_mut(v_len)) {
-                for (tile, at) in group.zip((0..).step_by(cin)) {
-                    let corner = (top + tile / plan.across * M, tile % plan.across * M);
-                    input_tile::<S, A>(
-                        simd,
-                        input,
-                        size,
-                        cin,
-                        corner,
-                        &mut v[at..],
-                        plan.v_step,
-                        &mut half_in,
-                    );
-                }
-            }
+        let plan = &Plan::new(weights, Size { h: size.h + 1 - K, w: width });
+        let [v_len, u_len, m_len, _] = plan.lens(A);
+        // From the start of a cache line on, so that no vector of U, M or M A lies across two.
+        let lines = scratch.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
+        let (v, scratch) = scratch[lines..].split_at_mut(v_len);
+        let (u, scratch) = scratch.split_at_mut(u_len);
+        let (m, half) = scratch.split_at_mut(m_len);
+        let g = &kernel_matrix(K);
+        let all = (out.len() / (width * cout)).div_ceil(M) * plan.across;
+        for first_tile in (0..all).step_by(plan.strip) {
+            let strip = &Strip { plan, tiles: first_tile..all.min(first_tile + plan.strip) };
+            simd.call(InputTiles::<A, M> { input, size, channels: cin, first_row, strip, v: &mut *v });
             let mut first = 0; // channel of the block
             for vectors in blocks(cout.div_ceil(S::LANES)) {
                 let lanes = vectors * S::LANES;
+                let len = A * strip.tiles.len() * lanes;
+                let (m, half) = (&mut m[..len], &mut half[..M * len]);
                 for i in 0..A {
                     let (row, step) = match &weights.kernels {
                         Kernels::Taps(taps) => {
                             let taps = &taps[first * K * K * cin..][..K * K * cin * lanes];
-                            row_of_kernels::<S, A, K>(simd, &g, i, taps, u, plan.u_step);
+                            simd.call(KernelRow::<A, K> { g, i, taps, u: &mut *u, u_step: plan.u_step });
                             (&*u, plan.u_step)
                         }
                         Kernels::Points(points) => {
                             (&points[(first * A * A + i * A * lanes) * cin..], cin * lanes)
                         }
                     };
-                    for j in 0..A {
-                        let (p, u) = (i * A + j, &row[j * step..][..cin * lanes]);
-                        let groups = v.chunks_exact(v_len).zip(m.chunks_exact_mut(m_len));
-                        for (group, (v, m)) in plan.groups(tiles).zip(groups) {
-                            let (v, m) = (&v[p * plan.v_step..], &mut m[p * plan.m_step..]);
-                            multiply(simd, group.len(), vectors, v, u, m);
-                        }
-                    }
+                    let v = &v[i * A * plan.v_step..];
+                    simd.call(Products::<A> {
+                        strip,
+                        vectors,
+                        v,
+                        u: row,
+                        u_step: step,
+                        u_len: cin * lanes,
+                        m: &mut *m,
+                    });
+                    simd.call(HalfOutputs::<A, M> { i, m, half });
                 }
-                let used = (cout - first).min(lanes);
-                let bias = &bias[first..first + used];
-                for (group, m) in plan.groups(tiles).zip(m.chunks_exact(m_len)) {
-                    for (tile, at) in group.zip((0..).step_by(lanes)) {
-                        let corner = (tile / plan.across * M, tile % plan.across * M);
-                        let map = OutputMap { values: &mut *out, width, channels: cout, first };
-                        output_tile::<S, A, M>(
-                            simd,
-                            &m[at..],
-                            plan.m_step,
-                            bias,
-                            floor,
-                            map,
-                            corner,
-                            &mut half_out,
-                        );
-                    }
-                }
-                first += used;
+                let bias = &bias[first..][..lanes.min(cout - first)];
+                simd.call(OutputTiles::<A, M> {
+                    strip,
+                    half,
+                    bias,
+                    relu,
+                    out: &mut *out,
+                    width,
+                    channels: cout,
+                    first,
+                });
+                first += lanes;
             }
         }
     }
 }
 
-/// `V = B^T d B` of the input tile whose corner is `(y, x)`; inputs beyond the map count as 0.
-///
-/// `v` starts with this tile's channels of point 0; the next point's are `v_step` further on. `half` is space for `B^T d`, transposed
-/// (`[column][row]`): as large as the registers together, it would cost as much to clear for each tile as to fill.
-#[inline(always)]
-#[allow(clippy::too_many_arguments)] // two strided maps
-pub fn input_tile<S: Simd, const A: usize>(
-    simd: S,
-    input: &[f32],
-    size: Size,
-    channels: usize,
-    (y, x): (usize, usize),
-    v: &mut [f32], // this tile's channels of point 0
-    v_step: usize,
-    half: &mut [[S::F32; A]; A],
-) {
-    let (rows, columns) = (A.min(size.h - y), A.min(size.w - x));
-    for c in (0..channels).step_by(S::LANES) {
-        let n = S::LANES.min(channels - c);
-        half[columns..].fill([simd.zero(); A]);
-        for j in 0..columns {
-            let mut d = [simd.zero(); A];
-            for i in 0..rows {
-                let from = &input[((y + i) * size.w + x + j) * channels + c..][..n];
-                d[i] = if n == S::LANES { simd.load(from) } else { simd.load_partial(from) };
-            }
-            half[j] = input_points::<S, A>(simd, &d);
-        }
-        for i in 0..A {
-            let mut d = [simd.zero(); A];
-            for j in 0..A {
-                d[j] = half[j][i];
-            }
-            let row = input_points::<S, A>(simd, &d);
-            for j in 0..A {
-                let to = &mut v[(i * A + j) * v_step + c..][..n];
-                if n == S::LANES { simd.store(row[j], to) } else { simd.store_partial(row[j], to) }
-            }
-        }
-    }
+/// `M = V U` of one row of points, one block and the tiles of a strip: for each point `[tiles, Cin] x [Cin, lanes]`.
+struct Products<'a, const A: usize> {
+    strip: &'a Strip<'a>,
+    vectors: usize,   // of the block
+    v: &'a [f32],     // of the row's first point and the first group
+    u: &'a [f32],     // A times [Cin, vectors * LANES]
+    u_step: usize,    // from one of them to the next
+    u_len: usize,     // of each
+    m: &'a mut [f32], // [tiles * vectors][A][LANES]
 }
 
-/// `M = V U` of one point, one block and one group: `[tiles, Cin] x [Cin, lanes]`, in one of the direct path's register tiles.
-#[inline(always)]
-fn multiply<S: Simd>(simd: S, tiles: usize, vectors: usize, v: &[f32], u: &[f32], m: &mut [f32]) {
-    let lanes = vectors * S::LANES;
-    let cin = u.len() / lanes;
-    let args = Tile {
-        input: v,
-        pixel_step: cin,
-        row_step: 0,
-        row_len: cin,
-        rows: 1,
-        weights: u,
-        bias: &[],
-        relu: false,
-        out: m,
-        out_step: lanes,
-    };
-    super::for_tile!(tiles, vectors, args.products, S, simd);
-}
+impl<const A: usize> Kernel for Products<'_, A> {
+    type Output = ();
 
-/// Where the outputs of a block go.
-struct OutputMap<'a> {
-    values: &'a mut [f32], // [rows, width, channels]
-    width: usize,
-    channels: usize,
-    first: usize, // channel of the block
-}
-
-/// `Y = A^T M A`, bias and floor: the outputs of one tile and one block, as far as they lie within `out`.
-#[inline(always)]
-#[allow(clippy::too_many_arguments, clippy::needless_range_loop)] // two strided maps; constant indices
-fn output_tile<S: Simd, const A: usize, const M: usize>(
-    simd: S,
-    products: &[f32], // this tile's channels of point 0
-    m_step: usize,
-    bias: &[f32], // of the block's channels
-    floor: f32,
-    out: OutputMap<'_>,
-    (y, x): (usize, usize),
-    half: &mut [[S::F32; M]; A], // A^T M, transposed: [column][row]
-) {
-    let height = out.values.len() / (out.width * out.channels);
-    let (rows, columns) = (M.min(height - y), M.min(out.width - x));
-    for c in (0..bias.len()).step_by(S::LANES) {
-        let n = S::LANES.min(bias.len() - c);
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Products { strip, vectors, v, u, u_step, u_len, m } = self;
+        let Plan { v_step, v_len, .. } = *strip.plan;
         for j in 0..A {
-            let mut m = [simd.zero(); A];
-            for i in 0..A {
-                m[i] = simd.load(&products[(i * A + j) * m_step + c..]);
+            let (v, u, m) = (&v[j * v_step..], &u[j * u_step..][..u_len], &mut m[j * S::LANES..]);
+            let (mut groups, mut vs) = (0, 0); // done so far, and vectors of M
+            for (count, tiles) in strip.runs() {
+                if count > 0 {
+                    let m = &mut m[vs * A * S::LANES..];
+                    let some = Groups::<A> { count, v: &v[groups * v_len..], v_len, u, m };
+                    super::for_tile!(tiles, vectors, some.run, S, simd);
+                    (groups, vs) = (groups + count, vs + count * tiles * vectors);
+                }
             }
-            half[j] = output_values::<S, A, M>(simd, &m);
         }
-        let (bias, floor) = (simd.load_partial(&bias[c..]), simd.splat(floor));
-        for i in 0..rows {
-            let mut m = [simd.zero(); A];
-            for j in 0..A {
-                m[j] = half[j][i];
+    }
+}
+
+/// The same for groups of the same size.
+struct Groups<'a, const A: usize> {
+    count: usize,
+    v: &'a [f32],
+    v_len: usize,
+    u: &'a [f32],
+    m: &'a mut [f32],
+}
+
+impl<const A: usize> Groups<'_, A> {
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn run<S: Simd, const TILES: usize, const VECTORS: usize>(self, simd: S) {
+        if TILES > S::TILE_PIXELS[VECTORS] {
+            unreachable!("more than the registers hold");
+        }
+        let cin = self.u.len() / (VECTORS * S::LANES);
+        let step = A * S::LANES; // between the vectors of M
+        for group in 0..self.count {
+            let v = &self.v[group * self.v_len..][..TILES * cin];
+            let m = &mut self.m[group * TILES * VECTORS * step..][..(TILES * VECTORS - 1) * step + S::LANES];
+            let mut tiles = [&v[..0]; TILES];
+            for i in 0..TILES {
+                tiles[i] = &v[i * cin..][..cin];
             }
-            let line = output_values::<S, A, M>(simd, &m);
-            for j in 0..columns {
-                let value = simd.max(simd.add(line[j], bias), floor);
-                let at = ((y + i) * out.width + x + j) * out.channels + out.first + c;
-                let to = &mut out.values[at..at + n];
-                if n == S::LANES { simd.store(value, to) } else { simd.store_partial(value, to) }
+            let mut sums = [[simd.zero(); VECTORS]; TILES];
+            for (c, u) in (0..cin).zip(self.u.chunks_exact(VECTORS * S::LANES)) {
+                let mut w = [simd.zero(); VECTORS];
+                for k in 0..VECTORS {
+                    w[k] = simd.load(&u[k * S::LANES..]);
+                }
+                for i in 0..TILES {
+                    let x = simd.splat(tiles[i][c]);
+                    for k in 0..VECTORS {
+                        sums[i][k] = simd.mul_add(x, w[k], sums[i][k]);
+                    }
+                }
+            }
+            for i in 0..TILES {
+                for k in 0..VECTORS {
+                    simd.store(sums[i][k], &mut m[(i * VECTORS + k) * step..]);
+                }
             }
         }
     }
