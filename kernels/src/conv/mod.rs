@@ -494,6 +494,18 @@ mod tests {
         }
     }
 
+    /// More tiles than a strip takes, with every algorithm.
+    #[test]
+    fn equals_the_reference_on_large_maps() {
+        for threads in [1, 3].map(Threads::new) {
+            for (kernel, in_channels, side) in [(3, 5, 70), (3, 16, 37), (5, 70, 30), (11, 3, 131)] {
+                let stride = if kernel == 11 { 2 } else { 1 };
+                let shape = ConvShape { in_channels, out_channels: 21, kernel, stride, pad: 0, relu: false };
+                check(shape, Size { h: side, w: side + 1 }, &threads);
+            }
+        }
+    }
+
     #[test]
     fn plans_follow_the_measurements() {
         use Algorithm::{Direct, Winograd6, Winograd8, Winograd10};

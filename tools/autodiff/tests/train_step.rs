@@ -119,10 +119,11 @@ fn one_step() {
     one_step_with(Compute::new(2).unwrap(), 1e-3);
 }
 
-/// Its rounding turns some of the ReLUs and maxima.
+/// Its rounding turns some of the ReLUs and maxima, and each of them moves the gradients below: two in E2 move its biases' by 6 %.
+/// That each convolution alone is exact, `winograd_changes_little` tests.
 #[test]
 fn one_step_with_winograd() {
-    one_step_with(Compute::new(2).unwrap().with_winograd(), 2e-2);
+    one_step_with(Compute::new(2).unwrap().with_winograd(), 0.1);
 }
 
 fn one_step_with(compute: Compute, tolerance: f64) {

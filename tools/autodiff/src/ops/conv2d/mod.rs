@@ -207,25 +207,43 @@ mod tests {
 
     #[test]
     fn winograd_changes_little() {
-        let inputs = [noise(&[2, 14, 13, 64], 6), noise(&[64, 3, 3, 64], 7), noise(&[64], 8)];
-        let run = |compute: Compute| {
-            let mut parameters = Parameters::new();
-            let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
-            let vars = inputs.clone().map(|input| tape.input(input));
-            let y = tape.conv2d(vars[0], vars[1], Some(vars[2]), Conv2d { pad: 1, ..Conv2d::default() });
-            let direct = tape.packed.keys().all(|(.., algorithm)| *algorithm == Algorithm::Direct);
-            let (out, factors) = (tape.value(y).clone(), noise(tape.shape(y), 9));
-            let gradients = tape.backward_from(y, factors);
-            (direct, [out].into_iter().chain(vars.map(|var| gradients.get(var).unwrap().clone())))
-        };
-        let (direct, expected) = run(Compute::new(1).unwrap());
-        let (planned_direct, found) = run(Compute::new(2).unwrap().with_winograd());
-        assert!(direct && !planned_direct);
-        for (found, expected) in found.zip(expected) {
-            let squares: f32 = expected.data().iter().map(|v| v * v).sum();
-            let allowed = 1e-4 * (squares / expected.data().len() as f32).sqrt();
-            let mut pairs = found.data().iter().zip(expected.data());
-            assert!(pairs.all(|(found, expected)| (found - expected).abs() <= allowed));
+        for (side, cin, cout, kernel, stride, pad) in [
+            (13, 64, 64, 3, 1, 1),
+            (40, 8, 16, 5, 1, 0),
+            (24, 16, 24, 3, 1, 0),
+            (17, 16, 16, 3, 1, 1),
+            (131, 3, 8, 11, 2, 0),
+            (70, 48, 40, 5, 1, 0),
+        ] {
+            let inputs = [
+                noise(&[2, side + 1, side, cin], 6),
+                noise(&[cout, kernel, kernel, cin], 7),
+                noise(&[cout], 8),
+            ];
+            let run = |compute: Compute| {
+                let mut parameters = Parameters::new();
+                let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
+                let vars = inputs.clone().map(|input| tape.input(input));
+                let options = Conv2d { stride, pad, relu: false };
+                let y = tape.conv2d(vars[0], vars[1], Some(vars[2]), options);
+                let direct = tape.packed.keys().all(|(.., algorithm)| *algorithm == Algorithm::Direct);
+                let (out, factors) = (tape.value(y).clone(), noise(tape.shape(y), 9));
+                let gradients = tape.backward_from(y, factors);
+                (direct, [out].into_iter().chain(vars.map(|var| gradients.get(var).unwrap().clone())))
+            };
+            let (direct, expected) = run(Compute::new(1).unwrap());
+            let (planned_direct, found) = run(Compute::new(2).unwrap().with_winograd());
+            assert!(direct && !planned_direct);
+            for (what, (found, expected)) in ["y", "dx", "dw", "db"].into_iter().zip(found.zip(expected)) {
+                let squares: f32 = expected.data().iter().map(|v| v * v).sum();
+                let rms = (squares / expected.data().len() as f32).sqrt();
+                let pairs = found.data().iter().zip(expected.data());
+                let error = pairs.map(|(found, expected)| (found - expected).abs()).fold(0.0, f32::max) / rms;
+                assert!(
+                    error < 1e-3,
+                    "{side}, {cin} to {cout}, {kernel}x{kernel}: {what} off by {error:.1e} of its RMS"
+                );
+            }
         }
     }
 
