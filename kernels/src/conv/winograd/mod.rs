@@ -52,6 +52,7 @@ pub use points::{MAX_KERNEL, kernel_row, pairs};
 use std::ops::Range;
 pub use transforms::input_tile;
 use transforms::{HalfOutputs, InputTiles, KernelRow, OutputTiles};
+use wide::f32x16;
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
@@ -63,12 +64,13 @@ pub(super) struct Weights {
     kernels: Kernels,
 }
 
+/// Values from the start of a cache line on: no vector lies across two.
 #[derive(Clone, Debug)]
 enum Kernels {
     /// `g`: `[block][Cin][vectors of the block][k * k][LANES]`.
-    Taps(Vec<f32>),
+    Taps(Vec<f32x16>),
     /// `U`: `[block][a * a][Cin][vectors of the block * LANES]`.
-    Points(Vec<f32>),
+    Points(Vec<f32x16>),
 }
 
 /// Whether there is an algorithm of `points` for the kernel without its stride.
@@ -87,11 +89,15 @@ impl Weights {
             pack(isa, &inner, weights)
         };
         let kernels = if inner.kernel == 3 {
-            Kernels::Taps(taps)
+            let mut lines = vec![f32x16::ZERO; taps.len().div_ceil(LINE)];
+            bytemuck::cast_slice_mut(&mut lines)[..taps.len()].copy_from_slice(&taps);
+            Kernels::Taps(lines)
         } else {
-            let mut whole = vec![0.0; taps.len() / (inner.kernel * inner.kernel) * points * points];
-            isa.run(TransformKernels { shape: &inner, points, taps: &taps, out: &mut whole });
-            Kernels::Points(whole)
+            let len = taps.len() / (inner.kernel * inner.kernel) * points * points;
+            let mut lines = vec![f32x16::ZERO; len.div_ceil(LINE)];
+            let out = bytemuck::cast_slice_mut(&mut lines);
+            isa.run(TransformKernels { shape: &inner, points, taps: &taps, out });
+            Kernels::Points(lines)
         };
         let widest = blocks(inner.out_channels.div_ceil(isa.lanes())).max().unwrap_or(0);
         Weights { shape: inner, points, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest), kernels }
@@ -322,11 +328,13 @@ impl Winograd<'_> {
                 for i in 0..A {
                     let (row, step) = match &weights.kernels {
                         Kernels::Taps(taps) => {
+                            let taps: &[f32] = bytemuck::cast_slice(taps);
                             let taps = &taps[first * K * K * cin..][..K * K * cin * lanes];
                             simd.call(KernelRow::<A, K> { g, i, taps, u: &mut *u, u_step: plan.u_step });
                             (&*u, plan.u_step)
                         }
                         Kernels::Points(points) => {
+                            let points: &[f32] = bytemuck::cast_slice(points);
                             (&points[(first * A * A + i * A * lanes) * cin..], cin * lanes)
                         }
                     };
