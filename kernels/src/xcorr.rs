@@ -51,32 +51,34 @@ impl Kernel for Correlate<'_> {
     fn run<S: Simd>(mut self, simd: S) {
         let width = self.size.w - self.template_size.w + 1;
         for y in 0..self.out.len() / (width * self.channels) {
-            for channel in (0..self.channels).step_by(S::LANES) {
-                match channel + S::LANES <= self.channels {
-                    true => self.row::<S, true>(simd, y, width, channel),
-                    false => self.row::<S, false>(simd, y, width, channel),
-                }
+            let mut x = 0;
+            while x < width {
+                x += match width - x {
+                    8.. => self.pixels::<S, 8>(simd, y, x),
+                    4.. => self.pixels::<S, 4>(simd, y, x),
+                    _ => self.pixels::<S, 1>(simd, y, x),
+                };
             }
         }
     }
 }
 
 impl Correlate<'_> {
-    /// One vector of channels, `WHOLE` or with fewer lanes, of row `y` of `out`.
+    /// All channels of neighbouring pixels of row `y` of `out`, from `x` on: what they see of the search features lies in few runs of
+    /// memory, and stays in the first cache. Returns how many pixels they are.
     #[inline(always)]
-    fn row<S: Simd, const WHOLE: bool>(&mut self, simd: S, y: usize, width: usize, channel: usize) {
-        let mut x = 0;
-        while x < width {
-            x += match width - x {
-                8.. => self.tile::<S, 8, WHOLE>(simd, y, x, channel),
-                4.. => self.tile::<S, 4, WHOLE>(simd, y, x, channel),
-                _ => self.tile::<S, 1, WHOLE>(simd, y, x, channel),
-            };
+    fn pixels<S: Simd, const PIXELS: usize>(&mut self, simd: S, y: usize, x: usize) -> usize {
+        let whole = self.channels / S::LANES * S::LANES;
+        for channel in (0..whole).step_by(S::LANES) {
+            self.tile::<S, PIXELS, true>(simd, y, x, channel);
         }
+        if whole < self.channels {
+            self.tile::<S, PIXELS, false>(simd, y, x, whole);
+        }
+        PIXELS
     }
 
-    /// One vector of channels at neighbouring pixels of row `y` of `out`, from `x` on: a template value is loaded once for
-    /// all of them. Returns how many they are.
+    /// One vector of channels, `WHOLE` or with fewer lanes, of these pixels: a template value is loaded once for all of them.
     #[inline(always)]
     fn tile<S: Simd, const PIXELS: usize, const WHOLE: bool>(
         &mut self,
@@ -84,7 +86,7 @@ impl Correlate<'_> {
         y: usize,
         x: usize,
         channel: usize,
-    ) -> usize {
+    ) {
         let Correlate { search, size, template, template_size, channels, .. } = *self;
         let lanes = if WHOLE { S::LANES } else { channels - channel };
         let load = |from: &[f32]| if WHOLE { simd.load(from) } else { simd.load_partial(&from[..lanes]) };
@@ -92,10 +94,25 @@ impl Correlate<'_> {
         for u in 0..template_size.h {
             let row = &search[((self.first_row + y + u) * size.w + x) * channels + channel..];
             let from = &template[u * template_size.w * channels + channel..];
-            for t in 0..template_size.w {
-                let z = load(&from[t * channels..]);
-                for (i, sum) in sums.iter_mut().enumerate() {
-                    *sum = simd.mul_add(load(&row[(t + i) * channels..]), z, *sum);
+            let mut t = 0;
+            while t < template_size.w {
+                let (row, from) = (&row[t * channels..], &from[t * channels..]);
+                if template_size.w - t >= 4 {
+                    add::<S, PIXELS, 4>(
+                        simd,
+                        &mut sums,
+                        |i| load(&row[i * channels..]),
+                        |i| load(&from[i * channels..]),
+                    );
+                    t += 4;
+                } else {
+                    add::<S, PIXELS, 1>(
+                        simd,
+                        &mut sums,
+                        |i| load(&row[i * channels..]),
+                        |i| load(&from[i * channels..]),
+                    );
+                    t += 1;
                 }
             }
         }
@@ -105,7 +122,26 @@ impl Correlate<'_> {
             let out = &mut out[i * channels..][..lanes];
             if WHOLE { simd.store(sum, out) } else { simd.store_partial(sum, out) }
         }
-        PIXELS
+    }
+}
+
+/// Adds what `COLUMNS` of the template (`z`) see of a row of search features (`x`) to neighbouring pixels: each value is loaded once.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)] // constant indices keep the values in registers
+fn add<S: Simd, const PIXELS: usize, const COLUMNS: usize>(
+    simd: S,
+    sums: &mut [S::F32; PIXELS],
+    x: impl Fn(usize) -> S::F32,
+    z: impl Fn(usize) -> S::F32,
+) {
+    let z: [S::F32; COLUMNS] = std::array::from_fn(z);
+    for j in 0..PIXELS + COLUMNS - 1 {
+        let x = x(j);
+        for i in 0..PIXELS {
+            if i <= j && j - i < COLUMNS {
+                sums[i] = simd.mul_add(x, z[j - i], sums[i]);
+            }
+        }
     }
 }
 
