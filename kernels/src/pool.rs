@@ -112,20 +112,38 @@ impl Kernel for MaxPool<'_> {
             for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
                 let left = 2 * x;
                 let right = (left + 3).min(size.w);
-                for (v, out) in pixel.chunks_mut(S::LANES).enumerate() {
-                    let mut max = simd.splat(f32::NEG_INFINITY);
-                    for iy in top..bottom {
-                        for ix in left..right {
-                            let from = &input[(iy * size.w + ix) * channels + v * S::LANES..];
-                            let x =
-                                if out.len() == S::LANES { simd.load(from) } else { simd.load_partial(from) };
-                            max = simd.max(x, max);
-                        }
-                    }
-                    if out.len() == S::LANES { simd.store(max, out) } else { simd.store_partial(max, out) }
+                let window = &input[(top * size.w + left) * channels..];
+                match (bottom - top, right - left) {
+                    (3, 3) => largest::<S, 3, 3>(simd, window, size.w * channels, channels, pixel),
+                    (3, _) => largest::<S, 3, 2>(simd, window, size.w * channels, channels, pixel),
+                    (_, 3) => largest::<S, 2, 3>(simd, window, size.w * channels, channels, pixel),
+                    _ => largest::<S, 2, 2>(simd, window, size.w * channels, channels, pixel),
                 }
             }
         }
+    }
+}
+
+/// The maximum over a window of `ROWS x COLUMNS` pixels, whose rows begin `row_step` apart; one that sticks out lacks one of three.
+#[inline(always)]
+fn largest<S: Simd, const ROWS: usize, const COLUMNS: usize>(
+    simd: S,
+    window: &[f32],
+    row_step: usize,
+    channels: usize,
+    pixel: &mut [f32], // [channels]
+) {
+    let rows: [&[f32]; ROWS] = std::array::from_fn(|i| &window[i * row_step..][..COLUMNS * channels]);
+    for (out, c) in pixel.chunks_mut(S::LANES).zip((0..).step_by(S::LANES)) {
+        let whole = out.len() == S::LANES;
+        let mut max = simd.splat(f32::NEG_INFINITY);
+        for row in rows {
+            for j in 0..COLUMNS {
+                let from = &row[j * channels + c..];
+                max = simd.max(if whole { simd.load(from) } else { simd.load_partial(from) }, max);
+            }
+        }
+        if whole { simd.store(max, out) } else { simd.store_partial(max, out) }
     }
 }
 
