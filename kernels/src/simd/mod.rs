@@ -2,7 +2,7 @@
 //!
 //! A kernel is a struct of its arguments that implements [`Kernel`] (or [`DotKernel`]); its body is written once, generic over the
 //! trait. [`Isa::run`](crate::Isa::run) enters an instruction set once per call of a kernel; everything below is inlined into that one
-//! function, so that the compiler may use the whole instruction set for it. The only intrinsics, and the only `unsafe`, of
+//! function, or one for each of its stages ([`Simd::call`]), so that the compiler may use the whole instruction set for it. The only intrinsics, and the only `unsafe`, of
 //! the repository are in this folder.
 
 #![allow(unsafe_code)]
@@ -21,6 +21,7 @@ pub use avx2::{Avx2, Avx2Vnni};
 pub use avx512::{Avx512, Avx512Vnni};
 #[cfg(target_arch = "aarch64")]
 pub use neon::NeonDot;
+pub(crate) use portable::Line;
 pub use portable::Portable;
 
 /// A computation whose body is compiled once per instruction set.

@@ -3,6 +3,9 @@
 use super::{Dot, Kernel, Simd};
 use wide::{f32x4, i16x8, i32x4, u16x8};
 
+/// Sixteen values in one cache line of 64 bytes: a `Vec` of them begins with one, and reads as `f32` through bytemuck.
+pub(crate) type Line = wide::f32x16;
+
 /// The instruction set of the compiler's target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Portable;

@@ -45,14 +45,13 @@ mod transforms;
 
 use super::direct::blocks;
 use super::{ConvShape, fold};
-use crate::simd::{Kernel, Simd};
+use crate::simd::{Kernel, Line, Simd};
 use crate::{Isa, Size};
 use points::kernel_matrix;
 pub use points::{MAX_KERNEL, kernel_row, pairs};
 use std::ops::Range;
 pub use transforms::input_tile;
 use transforms::{HalfOutputs, InputTiles, KernelRow, OutputTiles};
-use wide::f32x16;
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
@@ -68,9 +67,9 @@ pub(super) struct Weights {
 #[derive(Clone, Debug)]
 enum Kernels {
     /// `g`: `[block][Cin][vectors of the block][k * k][LANES]`.
-    Taps(Vec<f32x16>),
+    Taps(Vec<Line>),
     /// `U`: `[block][a * a][Cin][vectors of the block * LANES]`.
-    Points(Vec<f32x16>),
+    Points(Vec<Line>),
 }
 
 /// Whether there is an algorithm of `points` for the kernel without its stride.
@@ -89,12 +88,12 @@ impl Weights {
             pack(isa, &inner, weights)
         };
         let kernels = if inner.kernel == 3 {
-            let mut lines = vec![f32x16::ZERO; taps.len().div_ceil(LINE)];
+            let mut lines = vec![Line::ZERO; taps.len().div_ceil(LINE)];
             bytemuck::cast_slice_mut(&mut lines)[..taps.len()].copy_from_slice(&taps);
             Kernels::Taps(lines)
         } else {
             let len = taps.len() / (inner.kernel * inner.kernel) * points * points;
-            let mut lines = vec![f32x16::ZERO; len.div_ceil(LINE)];
+            let mut lines = vec![Line::ZERO; len.div_ceil(LINE)];
             let out = bytemuck::cast_slice_mut(&mut lines);
             isa.run(TransformKernels { shape: &inner, points, taps: &taps, out });
             Kernels::Points(lines)
@@ -181,8 +180,8 @@ const STRIP_TILES: usize = 64;
 /// Most values that a strip works on where `U` is read: half a megabyte of cache holds them beside it.
 const STRIP_VALUES: usize = 75 << 10;
 
-/// Values in the longest cache line.
-const LINE: usize = 16;
+/// Values in a cache line.
+const LINE: usize = size_of::<Line>() / size_of::<f32>();
 
 /// How a map is cut into tiles, and the scratch space for a strip of them.
 ///
@@ -311,7 +310,7 @@ impl Winograd<'_> {
         let plan = &Plan::new(weights, Size { h: size.h + 1 - K, w: width });
         let [v_len, u_len, m_len, _] = plan.lens(A);
         // From the start of a cache line on, so that no vector of U, M or M A lies across two.
-        let lines = scratch.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
+        let lines = scratch.as_ptr().align_offset(align_of::<Line>()).min(LINE);
         let (v, scratch) = scratch[lines..].split_at_mut(v_len);
         let (u, scratch) = scratch.split_at_mut(u_len);
         let (m, half) = scratch.split_at_mut(m_len);
