@@ -85,7 +85,7 @@ fn a_log_is_done_again_box_for_box() {
     assert!(reports.iter().all(|r| r["box"].as_array().is_some_and(|b| b.len() == 4) && r["dropped"] == 0));
     let said = String::from_utf8_lossy(&served.stderr);
     assert!(
-        said.contains("12 frames reported") && said.contains("; 0 dropped for newer ones, 0 too old"),
+        said.contains("12 boxes reported") && said.contains("; 0 dropped for newer ones, 0 too old"),
         "{said}"
     );
 

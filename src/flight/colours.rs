@@ -70,20 +70,7 @@ impl Colours {
         let least = (width as f64 * height as f64 / MOST_CELLS).sqrt();
         let step = (f64::from(size.w * size.h).sqrt() / CELLS).max(least).ceil().max(1.0) as usize;
         let (columns, rows) = (width.div_ceil(step), height.div_ceil(step));
-        let ratio = |(target, view): (&f32, &f32)| ((target + LEAST) / (view + LEAST)).ln();
-        self.heat.clear();
-        self.heat.extend(self.target.iter().zip(&self.view).map(ratio));
-        self.sums.clear();
-        self.sums.resize((columns + 1) * (rows + 1), 0.0);
-        for row in 0..rows {
-            let mut line = 0.0;
-            for column in 0..columns {
-                let colour = colour_at(frame, column * step + step / 2, row * step + step / 2);
-                line += f64::from(self.heat[colour]);
-                self.sums[(row + 1) * (columns + 1) + column + 1] =
-                    self.sums[row * (columns + 1) + column + 1] + line;
-            }
-        }
+        self.sum_heat(frame, step, columns, rows);
         let half = |side: f32| (side as usize / step).max(1).div_ceil(2);
         let (half_w, half_h) = (half(size.w), half(size.h));
         let mut best: Option<(f64, f32, f32)> = None;
@@ -101,6 +88,24 @@ impl Colours {
             }
         }
         best.map(|(_, x, y)| (x, y))
+    }
+
+    /// The integral image of a frame's heat, seen at the middles of cells of `step x step` pixels.
+    fn sum_heat(&mut self, frame: &Frame<'_>, step: usize, columns: usize, rows: usize) {
+        let ratio = |(target, view): (&f32, &f32)| ((target + LEAST) / (view + LEAST)).ln();
+        self.heat.clear();
+        self.heat.extend(self.target.iter().zip(&self.view).map(ratio));
+        self.sums.clear();
+        self.sums.resize((columns + 1) * (rows + 1), 0.0);
+        for row in 0..rows {
+            let mut line = 0.0;
+            for column in 0..columns {
+                let colour = colour_at(frame, column * step + step / 2, row * step + step / 2);
+                line += f64::from(self.heat[colour]);
+                self.sums[(row + 1) * (columns + 1) + column + 1] =
+                    self.sums[row * (columns + 1) + column + 1] + line;
+            }
+        }
     }
 }
 

@@ -149,6 +149,7 @@ impl FlightTracker {
         (self.anchor, self.next_anchor, self.probation) = (self.kalman, None, None);
         self.enter(State::Tracking);
         (self.faint, self.score, self.probability, self.evidence) = (0, 0.0, 1.0, None);
+        (self.closer_look, self.by_colours) = (false, false);
         self.give_up_search();
         Ok(())
     }

@@ -53,6 +53,7 @@ pub fn play(
         frames,
         seed,
         difficulty: difficulty(seed),
+        twins: args.twins,
         ..Default::default()
     });
     let mut buffer = FrameBuffer::default();

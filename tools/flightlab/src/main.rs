@@ -54,6 +54,10 @@ pub struct FlightArgs {
     /// Width of the view in pixels; its height is 9/16 of it.
     #[arg(long, default_value_t = 480)]
     pub width: usize,
+    /// Share of the look-alikes that have the target's very body, 0 to 1; by its difficulty if absent: a quarter in a medium
+    /// flight, more than half in a hard one.
+    #[arg(long)]
+    pub twins: Option<f32>,
     /// Threads, a flight each.
     #[arg(long, default_value_t = 1)]
     pub jobs: usize,

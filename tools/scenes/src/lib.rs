@@ -79,6 +79,8 @@ pub struct FlightConfig {
     pub target: Option<TargetKind>,
     /// Number of moving look-alikes, at most 64; by the difficulty if `None`.
     pub distractors: Option<usize>,
+    /// Chance that a look-alike has the target's very body, 0 to 1; by the difficulty if `None`.
+    pub twins: Option<f32>,
     /// Standard deviation of the sensor's noise, of 255; by the difficulty if `None`.
     pub noise: Option<f32>,
 }
@@ -95,6 +97,7 @@ impl Default for FlightConfig {
             biome: None,
             target: None,
             distractors: None,
+            twins: None,
             noise: None,
         }
     }

@@ -49,7 +49,7 @@ impl fmt::Display for Ages {
         let oldest = self.oldest.as_secs_f64() * 1e3;
         write!(
             f,
-            "{} frames reported, from frame to box p50 {half:.1} ms, p99 {most:.1} ms, at most {oldest:.1} ms",
+            "{} boxes reported, from frame to box p50 {half:.1} ms, p99 {most:.1} ms, at most {oldest:.1} ms",
             self.count
         )
     }
@@ -68,6 +68,6 @@ mod tests {
         assert!((ages.percentile(1.0) - 100.0).abs() < 1e-9, "no more than the oldest");
         ages.add(Duration::from_secs(3600));
         assert!(ages.percentile(0.5) <= 51.5 && ages.percentile(1.0) <= BINS as f64 * BIN_MS);
-        assert!(ages.to_string().starts_with("101 frames reported"), "{ages}");
+        assert!(ages.to_string().starts_with("101 boxes reported"), "{ages}");
     }
 }

@@ -205,7 +205,9 @@ impl Serving<'_> {
         if age > self.args.max_age_ms && !self.args.every_frame {
             self.late += 1;
         } else {
-            self.ages.add(age);
+            if report.track.is_some() {
+                self.ages.add(age);
+            }
             self.lines.write(&report)?;
             self.hub.publish(report, &shot.image);
         }
