@@ -96,24 +96,12 @@ impl Correlate<'_> {
             let from = &template[u * template_size.w * channels + channel..];
             let mut t = 0;
             while t < template_size.w {
-                let (row, from) = (&row[t * channels..], &from[t * channels..]);
-                if template_size.w - t >= 4 {
-                    add::<S, PIXELS, 4>(
-                        simd,
-                        &mut sums,
-                        |i| load(&row[i * channels..]),
-                        |i| load(&from[i * channels..]),
-                    );
-                    t += 4;
-                } else {
-                    add::<S, PIXELS, 1>(
-                        simd,
-                        &mut sums,
-                        |i| load(&row[i * channels..]),
-                        |i| load(&from[i * channels..]),
-                    );
-                    t += 1;
-                }
+                let x = |i: usize| load(&row[(t + i) * channels..]);
+                let z = |i: usize| load(&from[(t + i) * channels..]);
+                t += match template_size.w - t {
+                    4.. => add::<S, PIXELS, 4>(simd, &mut sums, x, z),
+                    _ => add::<S, PIXELS, 1>(simd, &mut sums, x, z),
+                };
             }
         }
         let width = size.w - template_size.w + 1;
@@ -126,6 +114,7 @@ impl Correlate<'_> {
 }
 
 /// Adds what `COLUMNS` of the template (`z`) see of a row of search features (`x`) to neighbouring pixels: each value is loaded once.
+/// Returns how many columns they are.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the values in registers
 fn add<S: Simd, const PIXELS: usize, const COLUMNS: usize>(
@@ -133,7 +122,7 @@ fn add<S: Simd, const PIXELS: usize, const COLUMNS: usize>(
     sums: &mut [S::F32; PIXELS],
     x: impl Fn(usize) -> S::F32,
     z: impl Fn(usize) -> S::F32,
-) {
+) -> usize {
     let z: [S::F32; COLUMNS] = std::array::from_fn(z);
     for j in 0..PIXELS + COLUMNS - 1 {
         let x = x(j);
@@ -143,6 +132,7 @@ fn add<S: Simd, const PIXELS: usize, const COLUMNS: usize>(
             }
         }
     }
+    COLUMNS
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@
 //!   for each output row
 //!     for each tile of pixels                 accumulators in registers
 //!       for each kernel row                   k * Cin contiguous inputs per pixel
-//!         for each input of that row          <- the hot loop, in `tile`
+//!         for each input of that row          <- the hot loop, in `add_products`
 //! ```
 
 use super::ConvShape;
@@ -163,20 +163,33 @@ impl Tile<'_> {
             for (i, window) in windows.iter_mut().enumerate() {
                 *window = &self.input[ky * self.row_step + i * self.pixel_step..][..self.row_len];
             }
-            for (j, weights) in (0..self.row_len).zip(weights.chunks_exact(VECTORS * S::LANES)) {
-                let mut w = [simd.zero(); VECTORS];
-                for v in 0..VECTORS {
-                    w[v] = simd.load(&weights[v * S::LANES..]);
-                }
-                for i in 0..PIXELS {
-                    let x = simd.splat(windows[i][j]);
-                    for v in 0..VECTORS {
-                        sums[i][v] = simd.mul_add(x, w[v], sums[i][v]);
-                    }
-                }
-            }
+            add_products(simd, windows, self.row_len, weights, &mut sums);
         }
         sums
+    }
+}
+
+/// The hot loop: adds the products of `len` values of each pixel with `weights` (`[len, VECTORS * LANES]`).
+#[inline(always)]
+#[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+pub(super) fn add_products<S: Simd, const PIXELS: usize, const VECTORS: usize>(
+    simd: S,
+    pixels: [&[f32]; PIXELS],
+    len: usize,
+    weights: &[f32],
+    sums: &mut [[S::F32; VECTORS]; PIXELS],
+) {
+    for (j, weights) in (0..len).zip(weights.chunks_exact(VECTORS * S::LANES)) {
+        let mut w = [simd.zero(); VECTORS];
+        for v in 0..VECTORS {
+            w[v] = simd.load(&weights[v * S::LANES..]);
+        }
+        for i in 0..PIXELS {
+            let x = simd.splat(pixels[i][j]);
+            for v in 0..VECTORS {
+                sums[i][v] = simd.mul_add(x, w[v], sums[i][v]);
+            }
+        }
     }
 }
 

@@ -183,13 +183,13 @@ fn lane(land: &Land, kind: TargetKind, way: f32, rng: &mut Rng) -> f32 {
 
 /// The target, then the distractors: `count` look-alikes and as many other road users.
 ///
-/// `pace` multiplies speeds, `alike` is the chance that a look-alike has the target's very body.
+/// `pace` multiplies speeds, `twins` is the chance that a look-alike has the target's very body.
 pub(crate) fn cast(
     land: &Land,
     kind: TargetKind,
     pace: f32,
     count: usize,
-    alike: f32,
+    twins: f32,
     rng: &mut Rng,
 ) -> Vec<Actor> {
     let way = rng.sign();
@@ -227,7 +227,7 @@ pub(crate) fn cast(
     let against = kind.speed() * pace * fast * rng.range(0.8, 1.0);
     let (mut ahead, mut behind, mut facing) = (0.0, 0.0, rng.range(0.2, 1.4) * spread);
     for i in 0..count {
-        let copy = rng.chance(alike);
+        let copy = rng.chance(twins);
         let own = if copy { kind } else { rng.pick(TargetKind::of(land.biome)) };
         let mixed = own.on_foot_or_bicycle() == small && (!small || land.biome == Biome::Park);
         let kind = if !mixed || [own, kind].contains(&TargetKind::Boat) { kind } else { own };

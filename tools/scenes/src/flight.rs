@@ -67,8 +67,8 @@ impl Flight {
         let land = Land::new(biome, &mut Rng::new(seed, 3));
         let preset = Preset::of(config.difficulty);
         let count = config.distractors.unwrap_or(preset.distractors).min(64);
-        let alike = config.twins.unwrap_or(preset.alike);
-        let actors = actors::cast(&land, kind, preset.pace, count, alike, &mut Rng::new(seed, 4));
+        let twins = config.twins.unwrap_or(preset.twins);
+        let actors = actors::cast(&land, kind, preset.pace, count, twins, &mut Rng::new(seed, 4));
 
         // How far away: so that the target has a good size in the view.
         let size = (config.width as f32, config.height as f32);

@@ -31,7 +31,7 @@
 //!   V, all points
 //!   for each block of 1..=3 channel vectors
 //!     for each row of points
-//!       M of the row: for each point and group of tiles, sums in registers    <- the hot loop, in `Products`
+//!       M of the row: for each point and group of tiles, sums in registers    <- the direct path's hot loop, from `Groups`
 //!       M A of the row
 //!     A^T (M A), bias, floor
 //! ```
@@ -43,7 +43,7 @@
 mod points;
 mod transforms;
 
-use super::direct::blocks;
+use super::direct::{add_products, blocks};
 use super::{ConvShape, fold};
 use crate::simd::{Kernel, Line, Simd};
 use crate::{Isa, Size};
@@ -425,18 +425,7 @@ impl<const A: usize> Groups<'_, A> {
                 tiles[i] = &v[i * cin..][..cin];
             }
             let mut sums = [[simd.zero(); VECTORS]; TILES];
-            for (c, u) in (0..cin).zip(self.u.chunks_exact(VECTORS * S::LANES)) {
-                let mut w = [simd.zero(); VECTORS];
-                for k in 0..VECTORS {
-                    w[k] = simd.load(&u[k * S::LANES..]);
-                }
-                for i in 0..TILES {
-                    let x = simd.splat(tiles[i][c]);
-                    for k in 0..VECTORS {
-                        sums[i][k] = simd.mul_add(x, w[k], sums[i][k]);
-                    }
-                }
-            }
+            add_products(simd, tiles, cin, self.u, &mut sums);
             for i in 0..TILES {
                 for k in 0..VECTORS {
                     simd.store(sums[i][k], &mut m[(i * VECTORS + k) * step..]);

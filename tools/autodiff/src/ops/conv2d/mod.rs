@@ -239,8 +239,9 @@ mod tests {
                 let rms = (squares / expected.data().len() as f32).sqrt();
                 let pairs = found.data().iter().zip(expected.data());
                 let error = pairs.map(|(found, expected)| (found - expected).abs()).fold(0.0, f32::max) / rms;
+                let allowed = if kernel == 3 { 1e-4 } else { 1e-3 }; // up to 10 points
                 assert!(
-                    error < 1e-3,
+                    error < allowed,
                     "{side}, {cin} to {cout}, {kernel}x{kernel}: {what} off by {error:.1e} of its RMS"
                 );
             }
