@@ -22,18 +22,18 @@
 //! Source: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016; the choice of points: Barabasz et al., "Error
 //! analysis and improving the accuracy of Winograd convolution for deep neural networks", 2020.
 //!
-//! A thread takes its tiles a strip at a time, and does all three steps for it in its own scratch space, a block of output channels at a
-//! time: small enough for the cache. A row of points of `M` is halfway to outputs as soon as it is multiplied, and never leaves
-//! the first cache:
+//! A thread takes its tiles a strip at a time, and does all three steps for it in its own scratch space, a row of points at a time: its part of
+//! `V` stays in the second cache while all output channels pass over it. A block's row of `M` is halfway to outputs as soon as it is
+//! multiplied, and never leaves the first cache:
 //!
 //! ```text
 //! for each strip of tiles
-//!   V, all points
-//!   for each block of 1..=3 channel vectors
-//!     for each row of points
+//!   for each row of tiles: B^T d, then V of its tiles
+//!   for each row of points
+//!     for each block of 1..=3 channel vectors
 //!       M of the row: for each point and group of tiles, sums in registers    <- the direct path's hot loop, from `Groups`
 //!       M A of the row
-//!     A^T (M A), bias, floor
+//!   A^T (M A), bias, floor
 //! ```
 //!
 //! `U` is `a * a / (k * k)` times as large as the kernels. For `k = 3` that is up to 7 times, and on the small maps where such
@@ -50,14 +50,15 @@ use crate::{Isa, Size};
 use points::kernel_matrix;
 pub use points::{MAX_KERNEL, kernel_row, pairs};
 use std::ops::Range;
-pub use transforms::input_tile;
 use transforms::{HalfOutputs, InputTiles, KernelRow, OutputTiles};
+pub use transforms::{Lines, lines_len};
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
     shape: ConvShape, // without stride
     points: usize,    // a
+    channels: usize,  // Cout, in whole vectors
     lanes: usize,     // of the widest block
     group: usize,     // most tiles that are multiplied at a time
     kernels: Kernels,
@@ -99,7 +100,14 @@ impl Weights {
             Kernels::Points(lines)
         };
         let widest = blocks(inner.out_channels.div_ceil(isa.lanes())).max().unwrap_or(0);
-        Weights { shape: inner, points, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest), kernels }
+        Weights {
+            shape: inner,
+            points,
+            channels: inner.out_channels.next_multiple_of(isa.lanes()),
+            lanes: widest * isa.lanes(),
+            group: isa.tile_pixels(widest),
+            kernels,
+        }
     }
 
     /// The convolution without its stride.
@@ -177,8 +185,9 @@ impl TransformKernels<'_> {
 /// Most tiles in a strip where `U` is made anew for every strip.
 const STRIP_TILES: usize = 64;
 
-/// Most values that a strip works on where `U` is read: half a megabyte of cache holds them beside it.
-const STRIP_VALUES: usize = 75 << 10;
+/// Most values of `V` and `M A` in a strip where `U` is read. Smaller strips read `U` more often; of larger ones less is still in the
+/// caches when it is needed again.
+const STRIP_VALUES: usize = 256 << 10;
 
 /// Values in a cache line.
 const LINE: usize = size_of::<Line>() / size_of::<f32>();
@@ -188,25 +197,26 @@ const LINE: usize = size_of::<Line>() / size_of::<f32>();
 /// `V` lies group by group (as many tiles as a register tile takes), in a group point by point: its transform, which
 /// touches all points of a tile, stays within few pages of memory.
 struct Plan {
-    across: usize,   // tiles in a row
-    strip: usize,    // most tiles in a strip
-    group: usize,    // most tiles in a group
-    v_step: usize,   // from one point's V to the next one's, within a group
-    v_len: usize,    // from one group's V to the next one's
-    u_step: usize,   // from one point's U to the next one's, where a row of it is made anew
-    m_len: usize,    // a row of M
-    half_len: usize, // M A
+    across: usize,    // tiles in a row
+    strip: usize,     // most tiles in a strip
+    lines_len: usize, // B^T d of a row of tiles
+    group: usize,     // most tiles in a group
+    v_step: usize,    // from one point's V to the next one's, within a group
+    v_len: usize,     // from one group's V to the next one's
+    u_step: usize,    // from one point's U to the next one's, where a row of it is made anew
+    m_len: usize,     // a row of M
+    half_step: usize, // from one row of points of M A to the next
 }
 
 impl Plan {
     fn new(weights: &Weights, out: Size) -> Plan {
-        let Weights { shape, points, lanes, group, kernels } = weights;
+        let Weights { shape, points, channels, lanes, group, kernels } = weights;
         let m = rows_per_tile(shape, *points);
         let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
         // One cache line more than needed, lest the points' lines fall on each other in the cache.
         let step = |values: usize| values.next_multiple_of(LINE) + LINE;
         let anew = matches!(kernels, Kernels::Taps(_));
-        let values = points * (points * shape.in_channels + m * lanes); // of V and M A, per tile
+        let values = points * (points * shape.in_channels + m * channels); // of V and M A, per tile
         let most = if anew { STRIP_TILES } else { (STRIP_VALUES / values).max(*group) };
         let strips = (across * down).div_ceil(most);
         let strip = (across * down).div_ceil(strips);
@@ -215,18 +225,25 @@ impl Plan {
         Plan {
             across,
             strip,
+            lines_len: lines_len(*points, (across - 1) * m + points, shape.in_channels),
             group: *group,
             v_step,
             v_len: points * points * v_step,
             u_step: if anew { step(shape.in_channels * lanes) } else { 0 },
             m_len: points * strip * lanes,
-            half_len: points * m * strip * lanes,
+            half_step: step(m * strip * channels),
         }
     }
 
-    /// Values of `V`, of a row of `U` that is made anew, of a row of `M`, and of `M A`.
-    fn lens(&self, points: usize) -> [usize; 4] {
-        [self.strip.div_ceil(self.group) * self.v_len, points * self.u_step, self.m_len, self.half_len]
+    /// Values on the way to `V`, of `V`, of a row of `U` that is made anew, of a row of `M`, and of `M A`.
+    fn lens(&self, points: usize) -> [usize; 5] {
+        [
+            self.lines_len,
+            self.strip.div_ceil(self.group) * self.v_len,
+            points * self.u_step,
+            self.m_len,
+            points * self.half_step,
+        ]
     }
 
     /// The corner of a tile of `m x m` outputs.
@@ -253,7 +270,7 @@ impl Strip<'_> {
 
     /// The tiles of each group.
     #[inline(always)]
-    fn groups(&self) -> impl Iterator<Item = Range<usize>> {
+    fn groups(&self) -> impl Iterator<Item = Range<usize>> + Clone {
         let lens = self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
         lens.scan(self.tiles.start, |first, tiles| {
             *first += tiles;
@@ -308,23 +325,30 @@ impl Winograd<'_> {
         let ConvShape { in_channels: cin, out_channels: cout, relu, .. } = weights.shape;
         let width = size.w + 1 - K;
         let plan = &Plan::new(weights, Size { h: size.h + 1 - K, w: width });
-        let [v_len, u_len, m_len, _] = plan.lens(A);
+        let [lines_len, v_len, u_len, m_len, _] = plan.lens(A);
         // From the start of a cache line on, so that no vector of U, M or M A lies across two.
-        let lines = scratch.as_ptr().align_offset(align_of::<Line>()).min(LINE);
-        let (v, scratch) = scratch[lines..].split_at_mut(v_len);
+        let start = scratch.as_ptr().align_offset(align_of::<Line>()).min(LINE);
+        let (lines, scratch) = scratch[start..].split_at_mut(lines_len);
+        let (v, scratch) = scratch.split_at_mut(v_len);
         let (u, scratch) = scratch.split_at_mut(u_len);
         let (m, half) = scratch.split_at_mut(m_len);
         let g = &kernel_matrix(K);
         let all = (out.len() / (width * cout)).div_ceil(M) * plan.across;
         for first_tile in (0..all).step_by(plan.strip) {
             let strip = &Strip { plan, tiles: first_tile..all.min(first_tile + plan.strip) };
-            simd.call(InputTiles::<A, M> { input, size, channels: cin, first_row, strip, v: &mut *v });
-            let mut first = 0; // channel of the block
-            for vectors in blocks(cout.div_ceil(S::LANES)) {
-                let lanes = vectors * S::LANES;
-                let len = A * strip.tiles.len() * lanes;
-                let (m, half) = (&mut m[..len], &mut half[..M * len]);
-                for i in 0..A {
+            simd.call(InputTiles::<A, M> {
+                input,
+                size,
+                channels: cin,
+                first_row,
+                strip,
+                lines: &mut *lines,
+                v: &mut *v,
+            });
+            for (i, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
+                let mut first = 0; // channel of the block
+                for vectors in blocks(cout.div_ceil(S::LANES)) {
+                    let lanes = vectors * S::LANES;
                     let (row, step) = match &weights.kernels {
                         Kernels::Taps(taps) => {
                             let taps: &[f32] = bytemuck::cast_slice(taps);
@@ -337,6 +361,7 @@ impl Winograd<'_> {
                             (&points[(first * A * A + i * A * lanes) * cin..], cin * lanes)
                         }
                     };
+                    let m = &mut m[..A * strip.tiles.len() * lanes];
                     let v = &v[i * A * plan.v_step..];
                     simd.call(Products::<A> {
                         strip,
@@ -347,13 +372,19 @@ impl Winograd<'_> {
                         u_len: cin * lanes,
                         m: &mut *m,
                     });
-                    simd.call(HalfOutputs::<A, M> { i, m, half });
+                    let half = &mut half[M * strip.tiles.len() * first..];
+                    simd.call(HalfOutputs::<A, M> { m, half });
+                    first += lanes;
                 }
-                let bias = &bias[first..][..lanes.min(cout - first)];
+            }
+            let mut first = 0;
+            for vectors in blocks(cout.div_ceil(S::LANES)) {
+                let lanes = vectors * S::LANES;
                 simd.call(OutputTiles::<A, M> {
                     strip,
-                    half,
-                    bias,
+                    half: &half[M * strip.tiles.len() * first..],
+                    half_step: plan.half_step,
+                    bias: &bias[first..][..lanes.min(cout - first)],
                     relu,
                     out: &mut *out,
                     width,

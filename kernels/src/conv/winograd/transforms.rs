@@ -1,7 +1,7 @@
 //! The transforms: of a strip's input tiles, of the kernels, and of the products to outputs.
 
-use super::Strip;
 use super::points::{MAX_KERNEL, input_points, output_values};
+use super::{LINE, Plan, Strip};
 use crate::Size;
 use crate::simd::{Kernel, Simd};
 
@@ -12,7 +12,8 @@ pub(super) struct InputTiles<'a, const A: usize, const M: usize> {
     pub channels: usize,
     pub first_row: usize, // of the outputs that tile 0 has
     pub strip: &'a Strip<'a>,
-    pub v: &'a mut [f32], // of the strip
+    pub lines: &'a mut [f32], // room for B^T d of a row of tiles
+    pub v: &'a mut [f32],     // of the strip
 }
 
 impl<const A: usize, const M: usize> Kernel for InputTiles<'_, A, M> {
@@ -20,67 +21,106 @@ impl<const A: usize, const M: usize> Kernel for InputTiles<'_, A, M> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let InputTiles { input, size, channels, first_row, strip, v } = self;
-        let mut half = [[simd.zero(); A]; A];
-        for (group, v) in strip.groups().zip(v.chunks_exact_mut(strip.plan.v_len)) {
-            for (tile, at) in group.zip((0..).step_by(channels)) {
-                let (y, x) = strip.plan.corner(tile, M);
-                let corner = (first_row + y, x);
-                input_tile::<S, A>(
-                    simd,
-                    input,
-                    size,
-                    channels,
-                    corner,
-                    &mut v[at..],
-                    strip.plan.v_step,
-                    &mut half,
-                );
+        let InputTiles { input, size, channels, first_row, strip, lines, v } = self;
+        let Plan { across, v_step, v_len, .. } = *strip.plan;
+        let mut places = strip.groups().enumerate().flat_map(|(group, tiles)| {
+            (0..tiles.len()).map(move |tile| group * v_len + tile * channels) // of the tile in V
+        });
+        let mut first = strip.tiles.start;
+        while first < strip.tiles.end {
+            let tiles = (across - first % across).min(strip.tiles.end - first); // in this row
+            let (y, x) = strip.plan.corner(first, M);
+            let mut lines = Lines { values: &mut *lines, columns: (tiles - 1) * M + A, channels };
+            lines.fill::<S, A>(simd, input, size, (first_row + y, x));
+            for (tile, place) in (0..tiles).zip(&mut places) {
+                lines.tile::<S, A>(simd, tile * M, &mut v[place..], v_step);
+            }
+            first += tiles;
+        }
+    }
+}
+
+/// `B^T d` of a row of tiles, which share the columns in which they overlap.
+pub struct Lines<'a> {
+    /// `[A][columns, channels]` and a vector's room behind each of the `A` lines: [`lines_len`] values.
+    pub values: &'a mut [f32],
+    /// Columns of all tiles together.
+    pub columns: usize,
+    /// Channels of the input.
+    pub channels: usize,
+}
+
+/// Values that [`Lines`] needs for `points` points.
+pub fn lines_len(points: usize, columns: usize, channels: usize) -> usize {
+    points * line_step(columns, channels)
+}
+
+/// From one line to the next: an odd number of cache lines, lest they fall on each other in the cache.
+#[inline(always)]
+fn line_step(columns: usize, channels: usize) -> usize {
+    (((columns * channels).div_ceil(LINE) + 1) | 1) * LINE
+}
+
+impl Lines<'_> {
+    /// Takes the columns from `(y, x)` on out of `input` (`[size.h, size.w, channels]`); beyond the map everything counts as 0.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the line in registers
+    pub fn fill<S: Simd, const A: usize>(
+        &mut self,
+        simd: S,
+        input: &[f32],
+        size: Size,
+        (y, x): (usize, usize),
+    ) {
+        let Lines { columns, channels, .. } = *self;
+        let (rows, len) = (A.min(size.h - y), columns.min(size.w - x) * channels);
+        let (from_step, step) = (size.w * channels, line_step(columns, channels));
+        let input = &input[y * from_step + x * channels..];
+        for at in starts(len, S::LANES) {
+            let mut d = [simd.zero(); A];
+            for i in 0..rows {
+                let from = &input[i * from_step + at..];
+                d[i] = if len >= S::LANES { simd.load(from) } else { simd.load_partial(&from[..len]) };
+            }
+            for (i, value) in input_points::<S, A>(simd, &d).into_iter().enumerate() {
+                simd.store(value, &mut self.values[i * step + at..]);
+            }
+        }
+        for line in self.values.chunks_exact_mut(step).take(A) {
+            line[len..columns * channels].fill(0.0);
+        }
+    }
+
+    /// `V = B^T d B` of the tile that begins in `column`.
+    ///
+    /// `v` starts with the tile's channels of point 0; the next point's are `v_step` further on. Of fewer channels than a vector has
+    /// lanes a whole vector is written: what it reaches beyond them, the next tile overwrites, and behind the last tile there
+    /// must be room for it.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // as above
+    pub fn tile<S: Simd, const A: usize>(&self, simd: S, column: usize, v: &mut [f32], v_step: usize) {
+        let Lines { columns, channels, .. } = *self;
+        let step = line_step(columns, channels);
+        for c in starts(channels, S::LANES) {
+            for i in 0..A {
+                let line = &self.values[i * step + column * channels + c..];
+                let mut d = [simd.zero(); A];
+                for j in 0..A {
+                    d[j] = simd.load(&line[j * channels..]);
+                }
+                for (j, value) in input_points::<S, A>(simd, &d).into_iter().enumerate() {
+                    simd.store(value, &mut v[(i * A + j) * v_step + c..]);
+                }
             }
         }
     }
 }
 
-/// `V = B^T d B` of the input tile whose corner is `(y, x)`; inputs beyond the map count as 0.
-///
-/// `v` starts with this tile's channels of point 0; the next point's are `v_step` further on. Whole vectors are written: what they
-/// reach beyond the last channel, the next tile overwrites, and behind the last tile there must be room for it. `half` is space for `B^T d`, transposed
-/// (`[column][row]`): as large as the registers together, it would cost as much to clear for each tile as to fill.
+/// Where the vectors begin that cover `len` values: the last one reaches back where it would reach beyond.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // two strided maps
-pub fn input_tile<S: Simd, const A: usize>(
-    simd: S,
-    input: &[f32],
-    size: Size,
-    channels: usize,
-    (y, x): (usize, usize),
-    v: &mut [f32], // this tile's channels of point 0
-    v_step: usize,
-    half: &mut [[S::F32; A]; A],
-) {
-    let (rows, columns) = (A.min(size.h - y), A.min(size.w - x));
-    for c in (0..channels).step_by(S::LANES) {
-        let n = S::LANES.min(channels - c);
-        half[columns..].fill([simd.zero(); A]);
-        for j in 0..columns {
-            let mut d = [simd.zero(); A];
-            for i in 0..rows {
-                let from = &input[((y + i) * size.w + x + j) * channels + c..][..n];
-                d[i] = if n == S::LANES { simd.load(from) } else { simd.load_partial(from) };
-            }
-            half[j] = input_points::<S, A>(simd, &d);
-        }
-        for i in 0..A {
-            let mut d = [simd.zero(); A];
-            for j in 0..A {
-                d[j] = half[j][i];
-            }
-            let row = input_points::<S, A>(simd, &d);
-            for j in 0..A {
-                simd.store(row[j], &mut v[(i * A + j) * v_step + c..]);
-            }
-        }
-    }
+fn starts(len: usize, lanes: usize) -> impl Iterator<Item = usize> {
+    let last = len.saturating_sub(lanes);
+    (0..len).step_by(lanes).map(move |at| at.min(last))
 }
 
 /// Row `i` of the points of `U = G g G^T` for one block.
@@ -128,9 +168,8 @@ impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
 
 /// Row `i` of `M A`, of all tiles of a strip: half of the output's transform, as soon as a row of points is multiplied.
 pub(super) struct HalfOutputs<'a, const A: usize, const M: usize> {
-    pub i: usize,
-    pub m: &'a [f32],        // [tiles * vectors][A][LANES]: row i of M
-    pub half: &'a mut [f32], // [tiles * vectors][M][A][LANES]: M A, transposed
+    pub m: &'a [f32],        // [tiles * vectors][A][LANES]: a row of M
+    pub half: &'a mut [f32], // [tiles * vectors][M][LANES]: the same row of M A
 }
 
 impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
@@ -138,13 +177,12 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let (rows, halves) =
-            (self.m.chunks_exact(A * S::LANES), self.half.chunks_exact_mut(A * M * S::LANES));
+        let (rows, halves) = (self.m.chunks_exact(A * S::LANES), self.half.chunks_exact_mut(M * S::LANES));
         for (row, half) in rows.zip(halves) {
             let m: [S::F32; A] = std::array::from_fn(|j| simd.load(&row[j * S::LANES..]));
             let line = output_values::<S, A, M>(simd, &m);
-            for (value, column) in line.into_iter().zip(half.chunks_exact_mut(A * S::LANES)) {
-                simd.store(value, &mut column[self.i * S::LANES..]);
+            for (value, half) in line.into_iter().zip(half.chunks_exact_mut(S::LANES)) {
+                simd.store(value, half);
             }
         }
     }
@@ -153,8 +191,9 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
 /// `Y = A^T M A`, bias and floor, of a strip's tiles and one block: the outputs as far as they lie within `out`.
 pub(super) struct OutputTiles<'a, const A: usize, const M: usize> {
     pub strip: &'a Strip<'a>,
-    pub half: &'a [f32], // [tiles][vectors][M][A][LANES]: M A, transposed
-    pub bias: &'a [f32], // of the block's channels
+    pub half: &'a [f32],  // A times [tiles][vectors][M][LANES]: M A
+    pub half_step: usize, // from one of them to the next
+    pub bias: &'a [f32],  // of the block's channels
     pub relu: bool,
     pub out: &'a mut [f32], // [rows, width, channels]
     pub width: usize,
@@ -167,26 +206,26 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, A, M> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let OutputTiles { strip, half, bias, relu, out, width, channels, first } = self;
+        let OutputTiles { strip, half, half_step, bias, relu, out, width, channels, first } = self;
         let height = out.len() / (width * channels);
         let floor = simd.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
-        let mut halves = half.chunks_exact(A * M * S::LANES);
+        let mut at = 0; // of M A
         for tile in strip.tiles.clone() {
             let (y, x) = strip.plan.corner(tile, M);
             let (rows, columns) = (M.min(height - y), M.min(width - x));
-            let vectors = bias.chunks(S::LANES).zip((first..).step_by(S::LANES));
-            for ((bias, c), half) in vectors.zip(&mut halves) {
+            for (bias, c) in bias.chunks(S::LANES).zip((first..).step_by(S::LANES)) {
                 let (n, bias) = (bias.len(), simd.load_partial(bias));
-                for (j, column) in half.chunks_exact(A * S::LANES).take(columns).enumerate() {
-                    let m: [S::F32; A] = std::array::from_fn(|i| simd.load(&column[i * S::LANES..]));
+                for j in 0..columns {
+                    let m: [S::F32; A] =
+                        std::array::from_fn(|i| simd.load(&half[i * half_step + at + j * S::LANES..]));
                     let line = output_values::<S, A, M>(simd, &m);
                     for (i, value) in line.into_iter().take(rows).enumerate() {
                         let value = simd.max(simd.add(value, bias), floor);
-                        let at = ((y + i) * width + x + j) * channels + c;
-                        let to = &mut out[at..at + n];
+                        let to = &mut out[((y + i) * width + x + j) * channels + c..][..n];
                         if n == S::LANES { simd.store(value, to) } else { simd.store_partial(value, to) }
                     }
                 }
+                at += M * S::LANES;
             }
         }
     }

@@ -17,7 +17,7 @@ use crate::ops::map::Placement;
 use crate::{Compute, Tensor};
 use kernels::Size;
 use kernels::conv::ConvShape;
-use kernels::conv::winograd::{MAX_KERNEL, input_tile, kernel_row, pairs};
+use kernels::conv::winograd::{Lines, MAX_KERNEL, kernel_row, lines_len, pairs};
 use kernels::simd::{Kernel, Simd};
 
 /// Tiles of a strip: enough to make up for reading and writing all of `U'` once per strip.
@@ -203,15 +203,18 @@ impl AddImage<'_, '_> {
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
         let AddImage { strip, input, size, gradient, out_size } = self;
         let cin = strip.shape.in_channels;
-        let mut half = [[simd.zero(); A]; A];
+        let columns = (out_size.w.div_ceil(M) - 1) * M + A;
+        let values = &mut vec![0.0; lines_len(A, columns, cin)];
+        let mut lines = Lines { values, columns, channels: cin };
         for y in (0..out_size.h).step_by(M) {
+            lines.fill::<S, A>(simd, input, size, (y, 0));
             for x in (0..out_size.w).step_by(M) {
                 if strip.filled == STRIP_TILES {
                     strip.multiply(simd);
                 }
                 let (tile, step) = (strip.filled, Strip::input_step(strip.shape));
                 let v = &mut strip.inputs[tile * cin..];
-                input_tile::<S, A>(simd, input, size, cin, (y, x), v, step, &mut half);
+                lines.tile::<S, A>(simd, x, v, step);
                 gradient_tile::<S, A, M>(simd, gradient, out_size, (y, x), strip);
                 strip.filled += 1;
             }
