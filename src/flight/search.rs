@@ -30,8 +30,16 @@ const VISITED: f32 = 0.8;
 const REMEMBERED: u32 = 15;
 /// of so many places at most.
 const MOST_VISITED: usize = 128;
+/// Most that a side of the target grows or shrinks by while it is not seen.
+const MOST_RESIZED: f32 = 2.0;
 /// Most places that wait for a closer look.
 const MAX_LEADS: usize = 8;
+
+/// What was found, of a size that the target can have come to since it was last seen.
+fn resized(found: &CenterBox, last: &CenterBox) -> CenterBox {
+    let side = |found: f32, last: f32| found.clamp(last / MOST_RESIZED, last * MOST_RESIZED);
+    CenterBox { w: side(found.w, last.w), h: side(found.h, last.h), ..*found }
+}
 
 impl FlightTracker {
     /// Looks where the target should be, then wherever it may be, as long as the budget lasts; returns the searches made.
@@ -141,7 +149,7 @@ impl FlightTracker {
         self.suspect(&finding);
         if self.is_within_reach(&finding.bbox) {
             let odds = self.belief(&finding);
-            self.leads.push((odds, CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..size }));
+            self.leads.push((odds, resized(&finding.bbox, &size)));
             self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
             let excess = self.leads.len().saturating_sub(MAX_LEADS);
             self.leads.drain(..excess);
@@ -222,5 +230,19 @@ impl FlightTracker {
             architecture.template_size,
         );
         TILE_SHARE * architecture.search_size as f64 / scale
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_returns_larger_or_smaller_within_bounds() {
+        let last = CenterBox { cx: 0.0, cy: 0.0, w: 20.0, h: 10.0 };
+        let found = CenterBox { cx: 50.0, cy: 60.0, w: 30.0, h: 6.0 };
+        assert_eq!(resized(&found, &last), found);
+        let far_off = CenterBox { w: 90.0, h: 1.0, ..found };
+        assert_eq!(resized(&far_off, &last), CenterBox { w: 40.0, h: 5.0, ..found });
     }
 }
