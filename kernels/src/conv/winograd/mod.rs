@@ -268,14 +268,10 @@ impl Strip<'_> {
         [(larger, tiles + 1), (groups - larger, tiles)]
     }
 
-    /// The tiles of each group.
+    /// How many tiles each group has.
     #[inline(always)]
-    fn groups(&self) -> impl Iterator<Item = Range<usize>> + Clone {
-        let lens = self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
-        lens.scan(self.tiles.start, |first, tiles| {
-            *first += tiles;
-            Some(*first - tiles..*first)
-        })
+    fn groups(&self) -> impl Iterator<Item = usize> {
+        self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups))
     }
 }
 

@@ -24,7 +24,7 @@ impl<const A: usize, const M: usize> Kernel for InputTiles<'_, A, M> {
         let InputTiles { input, size, channels, first_row, strip, lines, v } = self;
         let Plan { across, v_step, v_len, .. } = *strip.plan;
         let mut places = strip.groups().enumerate().flat_map(|(group, tiles)| {
-            (0..tiles.len()).map(move |tile| group * v_len + tile * channels) // of the tile in V
+            (0..tiles).map(move |tile| group * v_len + tile * channels) // of the tile in V
         });
         let mut first = strip.tiles.start;
         while first < strip.tiles.end {
