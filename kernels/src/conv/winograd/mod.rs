@@ -192,6 +192,13 @@ const STRIP_VALUES: usize = 256 << 10;
 /// Values in a cache line.
 const LINE: usize = size_of::<Line>() / size_of::<f32>();
 
+/// From the start of one run of `values` to that of the next: one cache line more than needed, lest the runs' lines fall on each other in the
+/// cache.
+#[inline(always)]
+fn step(values: usize) -> usize {
+    values.next_multiple_of(LINE) + LINE
+}
+
 /// How a map is cut into tiles, and the scratch space for a strip of them.
 ///
 /// `V` lies group by group (as many tiles as a register tile takes), in a group point by point: its transform, which
@@ -213,8 +220,6 @@ impl Plan {
         let Weights { shape, points, channels, lanes, group, kernels } = weights;
         let m = rows_per_tile(shape, *points);
         let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
-        // One cache line more than needed, lest the points' lines fall on each other in the cache.
-        let step = |values: usize| values.next_multiple_of(LINE) + LINE;
         let anew = matches!(kernels, Kernels::Taps(_));
         let values = points * (points * shape.in_channels + m * channels); // of V and M A, per tile
         let most = if anew { STRIP_TILES } else { (STRIP_VALUES / values).max(*group) };

@@ -1,7 +1,7 @@
 //! The transforms: of a strip's input tiles, of the kernels, and of the products to outputs.
 
 use super::points::{MAX_KERNEL, input_points, output_values};
-use super::{LINE, Plan, Strip};
+use super::{Plan, Strip, step};
 use crate::Size;
 use crate::simd::{Kernel, Simd};
 
@@ -52,13 +52,7 @@ pub struct Lines<'a> {
 
 /// Values that [`Lines`] needs for `points` points.
 pub fn lines_len(points: usize, columns: usize, channels: usize) -> usize {
-    points * line_step(columns, channels)
-}
-
-/// From one line to the next: an odd number of cache lines, lest they fall on each other in the cache.
-#[inline(always)]
-fn line_step(columns: usize, channels: usize) -> usize {
-    (((columns * channels).div_ceil(LINE) + 1) | 1) * LINE
+    points * step(columns * channels)
 }
 
 impl Lines<'_> {
@@ -74,7 +68,7 @@ impl Lines<'_> {
     ) {
         let Lines { columns, channels, .. } = *self;
         let (rows, len) = (A.min(size.h - y), columns.min(size.w - x) * channels);
-        let (from_step, step) = (size.w * channels, line_step(columns, channels));
+        let (from_step, to_step) = (size.w * channels, step(columns * channels));
         let input = &input[y * from_step + x * channels..];
         for at in starts(len, S::LANES) {
             let mut d = [simd.zero(); A];
@@ -83,10 +77,10 @@ impl Lines<'_> {
                 d[i] = if len >= S::LANES { simd.load(from) } else { simd.load_partial(&from[..len]) };
             }
             for (i, value) in input_points::<S, A>(simd, &d).into_iter().enumerate() {
-                simd.store(value, &mut self.values[i * step + at..]);
+                simd.store(value, &mut self.values[i * to_step + at..]);
             }
         }
-        for line in self.values.chunks_exact_mut(step).take(A) {
+        for line in self.values.chunks_exact_mut(to_step).take(A) {
             line[len..columns * channels].fill(0.0);
         }
     }
@@ -100,10 +94,10 @@ impl Lines<'_> {
     #[allow(clippy::needless_range_loop)] // as above
     pub fn tile<S: Simd, const A: usize>(&self, simd: S, column: usize, v: &mut [f32], v_step: usize) {
         let Lines { columns, channels, .. } = *self;
-        let step = line_step(columns, channels);
+        let from_step = step(columns * channels);
         for c in starts(channels, S::LANES) {
             for i in 0..A {
-                let line = &self.values[i * step + column * channels + c..];
+                let line = &self.values[i * from_step + column * channels + c..];
                 let mut d = [simd.zero(); A];
                 for j in 0..A {
                     d[j] = simd.load(&line[j * channels..]);

@@ -65,9 +65,13 @@ pub(super) fn weight_gradient(
     let mut sums = compute.zeros(&[parts, len]);
     let strip_len = Strip::len(shape, points);
     let image_len = if shape.pad == 0 { 0 } else { padded.size.area() * inputs.channels };
+    let m = points + 1 - shape.kernel;
+    let columns = (outputs.size.w.div_ceil(m) - 1) * m + points;
+    let row_len = lines_len(points, columns, inputs.channels);
     compute.each(sums.data_mut(), len, |part, out| {
-        compute.scratch(strip_len + image_len, |scratch| {
-            let (space, image_space) = scratch.split_at_mut(strip_len);
+        compute.scratch(strip_len + row_len + image_len, |scratch| {
+            let (space, scratch) = scratch.split_at_mut(strip_len);
+            let (row, image_space) = scratch.split_at_mut(row_len);
             let mut strip = Strip::new(shape, points, space, out);
             for image in part * PART_IMAGES..((part + 1) * PART_IMAGES).min(inputs.batch) {
                 let gradient = &gradient.data()[image * outputs.image()..][..outputs.image()];
@@ -77,8 +81,9 @@ pub(super) fn weight_gradient(
                     input = image_space;
                 }
                 let strip = &mut strip;
-                let add = AddImage { strip, input, size: padded.size, gradient, out_size: outputs.size };
-                compute.isa().run(add);
+                let lines = Lines { values: &mut *row, columns, channels: inputs.channels };
+                let (size, out_size) = (padded.size, outputs.size);
+                compute.isa().run(AddImage { strip, lines, input, size, gradient, out_size });
             }
             compute.isa().run(Multiply { strip: &mut strip });
         });
@@ -179,6 +184,7 @@ impl Kernel for Multiply<'_, '_> {
 /// One image's share.
 struct AddImage<'a, 'b> {
     strip: &'a mut Strip<'b>,
+    lines: Lines<'a>, // of a whole row of tiles
     input: &'a [f32], // [size.h, size.w, Cin], padding included
     size: Size,
     gradient: &'a [f32], // [H', W', Cout]
@@ -201,11 +207,8 @@ impl Kernel for AddImage<'_, '_> {
 impl AddImage<'_, '_> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let AddImage { strip, input, size, gradient, out_size } = self;
+        let AddImage { strip, mut lines, input, size, gradient, out_size } = self;
         let cin = strip.shape.in_channels;
-        let columns = (out_size.w.div_ceil(M) - 1) * M + A;
-        let values = &mut vec![0.0; lines_len(A, columns, cin)];
-        let mut lines = Lines { values, columns, channels: cin };
         for y in (0..out_size.h).step_by(M) {
             lines.fill::<S, A>(simd, input, size, (y, 0));
             for x in (0..out_size.w).step_by(M) {
