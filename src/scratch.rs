@@ -112,32 +112,31 @@ impl Context {
         conv.run_between(threads, from.input(), from.size, Output::Bytes(out, quantization), scratch);
     }
 
+    /// The same with the max-pool behind the convolution, which `next` reads.
+    pub(crate) fn conv_pool_for(
+        &mut self,
+        threads: &Threads,
+        conv: &Conv,
+        next: &Conv,
+        from: &Map,
+        to: &mut Map,
+    ) {
+        let (size, channels) = (pool::out_size(conv.shape().out_size(from.size)), conv.shape().out_channels);
+        let out = match (conv.algorithm(), next.algorithm()) {
+            (Algorithm::Int8(_), Algorithm::Int8(quantization)) => {
+                Output::Bytes(to.reshape_bytes(size, channels), quantization)
+            }
+            _ => Output::Floats(to.reshape(size, channels)),
+        };
+        let scratch = self.scratch(conv.pooled_scratch_len(from.size, threads));
+        conv.run_pooled(threads, from.input(), from.size, out, scratch);
+    }
+
     fn scratch(&mut self, len: usize) -> &mut [f32] {
         if self.conv.len() < len {
             self.conv.resize(len, 0.0);
         }
         &mut self.conv[..len]
-    }
-
-    pub(crate) fn max_pool(&self, threads: &Threads, from: &Map, to: &mut Map) {
-        let (size, channels) = (from.size, from.channels);
-        match from.input() {
-            Input::Floats(values) => {
-                let out = to.reshape(pool::out_size(size), channels);
-                pool::max_pool(self.isa, threads, values, size, channels, out);
-            }
-            Input::Bytes(bytes) => {
-                let out = to.reshape_bytes(pool::out_size(size), channels);
-                pool::max_pool_bytes(
-                    self.isa,
-                    threads,
-                    &bytes[..size.area() * channels],
-                    size,
-                    channels,
-                    out,
-                );
-            }
-        }
     }
 
     pub(crate) fn xcorr(&self, threads: &Threads, search: &Map, template: &Map, to: &mut Map) {
@@ -191,9 +190,7 @@ impl Scratch {
         let (b, h) = (&self.backbone, &self.head);
         [
             ("crop", &b.crop),
-            ("backbone.conv1", &b.conv1),
             ("backbone.pool1", &b.pool1),
-            ("backbone.conv2", &b.conv2),
             ("backbone.pool2", &b.pool2),
             ("backbone.conv3", &b.conv3),
             ("backbone.conv4", &b.conv4),

@@ -51,13 +51,12 @@ impl Kernel for Correlate<'_> {
     fn run<S: Simd>(mut self, simd: S) {
         let width = self.size.w - self.template_size.w + 1;
         for y in 0..self.out.len() / (width * self.channels) {
-            let mut x = 0;
-            while x < width {
-                x += match width - x {
-                    8.. => self.pixels::<S, 8>(simd, y, x),
-                    4.. => self.pixels::<S, 4>(simd, y, x),
-                    _ => self.pixels::<S, 1>(simd, y, x),
-                };
+            // The last pixels reach back where they would reach beyond.
+            let groups = |pixels: usize| (0..width).step_by(pixels).map(move |x| x.min(width - pixels));
+            match width {
+                8.. => groups(8).for_each(|x| self.pixels::<S, 8>(simd, y, x)),
+                4.. => groups(4).for_each(|x| self.pixels::<S, 4>(simd, y, x)),
+                _ => groups(1).for_each(|x| self.pixels::<S, 1>(simd, y, x)),
             }
         }
     }
@@ -65,9 +64,9 @@ impl Kernel for Correlate<'_> {
 
 impl Correlate<'_> {
     /// All channels of neighbouring pixels of row `y` of `out`, from `x` on: what they see of the search features lies in few runs of
-    /// memory, and stays in the first cache. Returns how many pixels they are.
+    /// memory, and stays in the first cache.
     #[inline(always)]
-    fn pixels<S: Simd, const PIXELS: usize>(&mut self, simd: S, y: usize, x: usize) -> usize {
+    fn pixels<S: Simd, const PIXELS: usize>(&mut self, simd: S, y: usize, x: usize) {
         let whole = self.channels / S::LANES * S::LANES;
         for channel in (0..whole).step_by(S::LANES) {
             self.tile::<S, PIXELS, true>(simd, y, x, channel);
@@ -75,7 +74,6 @@ impl Correlate<'_> {
         if whole < self.channels {
             self.tile::<S, PIXELS, false>(simd, y, x, whole);
         }
-        PIXELS
     }
 
     /// One vector of channels, `WHOLE` or with fewer lanes, of these pixels: a template value is loaded once for all of them.

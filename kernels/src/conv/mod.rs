@@ -7,7 +7,7 @@
 //! In HWC one row of the kernel's window is `k * Cin` *contiguous* floats, so a convolution is `k` matrix products with
 //! overlapping rows, and no patch has to be gathered. `direct.rs` works on them in place; `winograd/` does with fewer
 //! multiplications; `fold.rs` takes strides away for it; `im2col.rs` copies them into one matrix for a general matrix product; `int8.rs`
-//! works on bytes.
+//! works on bytes; `pooled.rs` has a max-pool follow at once.
 
 /// Calls `$tile.$run` with a tile's sizes as constants.
 macro_rules! for_tile {
@@ -30,6 +30,7 @@ mod direct;
 mod fold;
 mod im2col;
 mod int8;
+mod pooled;
 pub mod winograd;
 
 use crate::par::Threads;
