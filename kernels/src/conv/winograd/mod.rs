@@ -185,9 +185,10 @@ impl TransformKernels<'_> {
 /// Most tiles in a strip where `U` is made anew for every strip.
 const STRIP_TILES: usize = 64;
 
-/// Most values of `V` and `M A` in a strip where `U` is read. Smaller strips read `U` more often; of larger ones less is still in the
-/// caches when it is needed again.
+/// Values of `V` and `M A` in a strip where `U` is read: so many, or this share of those of `U`. Smaller strips read `U` more often; of larger
+/// ones less is still in the caches when it is needed again.
 const STRIP_VALUES: usize = 256 << 10;
+const STRIP_SHARE: usize = 4;
 
 /// Values in a cache line.
 const LINE: usize = size_of::<Line>() / size_of::<f32>();
@@ -222,8 +223,9 @@ impl Plan {
         let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
         let anew = matches!(kernels, Kernels::Taps(_));
         let values = points * (points * shape.in_channels + m * channels); // of V and M A, per tile
-        let most = if anew { STRIP_TILES } else { (STRIP_VALUES / values).max(*group) };
-        let strips = (across * down).div_ceil(most);
+        let u_values = points * points * shape.in_channels * channels;
+        let most = if anew { STRIP_TILES } else { STRIP_VALUES.max(u_values / STRIP_SHARE) / values };
+        let strips = (across * down).div_ceil(most.max(*group));
         let strip = (across * down).div_ceil(strips);
         let strip = if strips > 1 { strip.next_multiple_of(*group) } else { strip };
         let v_step = step(group * shape.in_channels);
