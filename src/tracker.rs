@@ -177,11 +177,16 @@ impl Tracker {
     pub fn update(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
         let before = self.target.ok_or(TrackError::NoTarget)?;
         let track = self.find(frame)?;
-        if self.config.online_filter > 0.0 && f64::from(track.score) < SLIPPED {
-            return Ok(self.look_wider(frame, before).unwrap_or(track));
+        if self.has_slipped(&track) {
+            return Ok(self.look_wider(frame, before.bbox).unwrap_or(track));
         }
         self.learn();
         Ok(track)
+    }
+
+    /// Whether the target may have moved out of the search region, and there is a filter that would know it elsewhere.
+    pub(crate) fn has_slipped(&self, track: &Track) -> bool {
+        self.config.online_filter > 0.0 && f64::from(track.score) < SLIPPED
     }
 
     /// Finds the target, near where it was.
@@ -203,14 +208,15 @@ impl Tracker {
 
     /// Looks once more, farther around, for a target that was not found where it should be: it may have moved faster than the
     /// search region reaches. It is only taken for found if the network and the filter agree, and then from where it was
-    /// `before`.
-    fn look_wider(&mut self, frame: &Frame<'_>, before: Target) -> Option<Track> {
+    /// `before`; nothing is learnt from it.
+    pub(crate) fn look_wider(&mut self, frame: &Frame<'_>, before: CenterBox) -> Option<Track> {
+        let target = Target { bbox: before, ..self.target? };
         let anywhere = TrackConfig { window_influence: 0.0, ..self.config };
-        let seen = self.search(frame, &before, 1.0, Extent::Wide, &anywhere);
+        let seen = self.search(frame, &target, 1.0, Extent::Wide, &anywhere);
         let regained = seen.choice.is_some_and(|choice| {
             choice.score * choice.penalty >= REGAINED_SCORE && choice.response >= REGAINED_RESPONSE
         });
-        regained.then(|| self.follow(frame, before, &seen))
+        regained.then(|| self.follow(frame, target, &seen))
     }
 
     /// Takes what a search chose for the target's new box.

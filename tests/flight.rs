@@ -61,6 +61,34 @@ fn boxes_are_the_papers_while_the_target_is_there() {
     }
 }
 
+/// A jolt of the camera: the picture, and with it the target, leaps farther than the search region reaches.
+#[test]
+fn a_target_that_leaps_is_followed_as_by_the_paper() {
+    let (frames, first) = flight(16);
+    let leap = (1.6 * first.w.max(first.h)) as usize;
+    let leapt = |data: &Vec<u8>| -> Vec<u8> {
+        let rows = data.chunks_exact(3 * WIDTH);
+        rows.flat_map(|row| [&row[3 * (WIDTH - leap)..], &row[..3 * (WIDTH - leap)]].concat()).collect()
+    };
+    let frames: Vec<Vec<u8>> =
+        frames.iter().enumerate().map(|(i, data)| if i < 12 { data.clone() } else { leapt(data) }).collect();
+    let mut paper = Tracker::new(Model::builtin(Isa::detect()));
+    let mut flying = tracker(true);
+    paper.init(&frame(&frames[0]), first).unwrap();
+    flying.init(&frame(&frames[0]), first).unwrap();
+    let mut before = first;
+    for (i, data) in frames.iter().enumerate().skip(1) {
+        let (expected, found) = (paper.update(&frame(data)).unwrap(), follow(&mut flying, data, 1));
+        assert_eq!(found.bbox, expected.bbox, "frame {i}: {found:?}");
+        let moved = found.bbox.x - before.x;
+        assert!(
+            (moved - if i == 12 { leap as f32 } else { 0.0 }).abs() < 0.3 * leap as f32,
+            "frame {i} by {moved} of {leap}"
+        );
+        before = found.bbox;
+    }
+}
+
 #[test]
 fn a_target_that_vanishes_is_lost_and_found_again() {
     let (frames, first) = flight(20);

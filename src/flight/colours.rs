@@ -1,8 +1,10 @@
-//! Where a frame has the target's colours: a cheap hint at where to look first for a lost target.
+//! The target's colours: where a frame has them, and how far what was found has them.
 //!
-//! Two histograms, of the target's colours and of the whole view's; a place is as promising as the mean of their log ratio in a
-//! box of the target's size there (the Bayes classifier of colours that Bertinetto et al., "Staple", CVPR 2016, section 3.3, track with).
-//! Colours decide nothing: they only say in which order places are looked at.
+//! Two histograms, of the target's colours and of the whole view's. A place is as promising as the mean of their log ratio in a
+//! box of the target's size there (the Bayes classifier of colours that Bertinetto et al., "Staple", CVPR 2016, section 3.3, track with):
+//! that says in which order places are looked at. What is found there is compared with the target by the Bhattacharyya coefficient of their
+//! histograms (Comaniciu, Ramesh, Meer, "Kernel-based object tracking", PAMI 2003, section 3.2): the network hardly sees colours, which tell
+//! most objects of one kind apart.
 
 use crate::bbox::CenterBox;
 use crate::frame::Frame;
@@ -11,7 +13,7 @@ use crate::frame::Frame;
 const LEVELS: usize = 16;
 const COLOURS: usize = LEVELS * LEVELS * LEVELS;
 /// Samples per axis of the target,
-const TARGET_SAMPLES: usize = 24;
+const TARGET_SAMPLES: (usize, usize) = (24, 24);
 /// and of the view.
 const VIEW_SAMPLES: (usize, usize) = (64, 36);
 /// Cells of the map along the target's side, and most cells in all.
@@ -31,6 +33,8 @@ pub(super) struct Colours {
     view: Vec<f32>,   // [COLOURS]: shares
     heat: Vec<f32>,   // [COLOURS]: log ratio
     sums: Vec<f64>,   // integral image of the frame's heat, one row and column more than cells
+    here: Vec<f32>,   // [COLOURS]: shares of what is compared
+    usual: f64,       // running mean of the target's own coefficient
 }
 
 impl Colours {
@@ -40,19 +44,37 @@ impl Colours {
         self.view.clear();
     }
 
-    /// Learns from a frame in which the target is surely seen.
-    pub(super) fn learn(&mut self, frame: &Frame<'_>, bbox: &CenterBox) {
+    /// Learns from a frame in which the target is seen, with some `trust` in `[0, 1]`.
+    pub(super) fn learn(&mut self, frame: &Frame<'_>, bbox: &CenterBox, trust: f32) {
         let first = self.target.is_empty();
-        let rate = if first { 1.0 } else { LEARNING };
+        let rate = if first { 1.0 } else { LEARNING * trust };
+        self.usual = if first {
+            1.0
+        } else {
+            self.usual + f64::from(rate) * (self.coefficient(frame, bbox) - self.usual)
+        };
         for histogram in [&mut self.target, &mut self.view] {
             histogram.resize(COLOURS, 0.0);
             histogram.iter_mut().for_each(|share| *share *= 1.0 - rate);
         }
-        let (w, h) = (INNER * bbox.w, INNER * bbox.h);
-        let (left, top) = (bbox.cx - 0.5 * w, bbox.cy - 0.5 * h);
-        count(frame, (left, top, w, h), (TARGET_SAMPLES, TARGET_SAMPLES), rate, &mut self.target);
+        count(frame, inner(bbox), TARGET_SAMPLES, rate, &mut self.target);
         let all = (0.0, 0.0, frame.width() as f32, frame.height() as f32);
         count(frame, all, VIEW_SAMPLES, rate, &mut self.view);
+    }
+
+    /// How far what is in a box has the target's colours, in `[0, 1]`: 1 if as far as the target itself does from one frame to the next; 0
+    /// before anything was learnt.
+    pub(super) fn likeness(&mut self, frame: &Frame<'_>, bbox: &CenterBox) -> f64 {
+        (self.coefficient(frame, bbox) / self.usual.max(0.1)).min(1.0)
+    }
+
+    /// Bhattacharyya coefficient of a box's colours with the target's.
+    fn coefficient(&mut self, frame: &Frame<'_>, bbox: &CenterBox) -> f64 {
+        self.here.clear();
+        self.here.resize(COLOURS, 0.0);
+        count(frame, inner(bbox), TARGET_SAMPLES, 1.0, &mut self.here);
+        let both = self.target.iter().zip(&self.here);
+        both.map(|(target, here)| f64::from((target * here).sqrt())).sum()
     }
 
     /// The centre of the place of a box's size that has the target's colours most, among those that are `allowed`; `None` before
@@ -109,6 +131,12 @@ impl Colours {
     }
 }
 
+/// The part of a box that is looked at: left, top, width, height.
+fn inner(bbox: &CenterBox) -> (f32, f32, f32, f32) {
+    let (w, h) = (INNER * bbox.w, INNER * bbox.h);
+    (bbox.cx - 0.5 * w, bbox.cy - 0.5 * h, w, h)
+}
+
 /// Adds the colours of a region (left, top, width, height) to a histogram, `rate` in all.
 fn count(
     frame: &Frame<'_>,
@@ -159,7 +187,7 @@ mod tests {
         let data = picture((30, 20), (100, 20));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
         assert_eq!(colours.hottest(&frame, &size, |_, _| true), None);
-        colours.learn(&frame, &size);
+        colours.learn(&frame, &size, 1.0);
         let data = picture((120, 60), (20, 40));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
         let near = |(x, y): (f32, f32), at: (f32, f32)| (x - at.0).abs() <= 3.0 && (y - at.1).abs() <= 3.0;
@@ -168,7 +196,12 @@ mod tests {
         let (x, y) = colours.hottest(&frame, &size, |x, _| x < 100.0).unwrap();
         assert!(near((x, y), (28.0, 45.0)), "{x} {y}");
         assert_eq!(colours.hottest(&frame, &size, |_, _| false), None);
+        let at = |cx: f32, cy: f32| CenterBox { cx, cy, ..size };
+        let [all, half, none] =
+            [at(128.0, 65.0), at(28.0, 45.0), at(80.0, 20.0)].map(|place| colours.likeness(&frame, &place));
+        assert!(all > 0.99 && (0.6..0.8).contains(&half) && none == 0.0, "{all} {half} {none}");
         colours.clear();
+        assert_eq!(colours.likeness(&frame, &size), 0.0);
         assert_eq!(colours.hottest(&frame, &size, |_, _| true), None);
     }
 
@@ -179,8 +212,9 @@ mod tests {
             let data = vec![7u8; width * height];
             let frame = Frame::new(&data, width, height, ChannelOrder::Gray).unwrap();
             let mut colours = Colours::default();
-            colours.learn(&frame, &size);
+            colours.learn(&frame, &size, 1.0);
             assert!(colours.hottest(&frame, &size, |_, _| true).is_some());
+            assert!(colours.likeness(&frame, &size) > 0.99);
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::select::{Choice, Selector};
 use crate::tracker::Seen;
 
 /// Pieces of evidence.
-pub const COUNT: usize = 14;
+pub const COUNT: usize = 15;
 
 /// One name per piece of evidence, in the order of [`Evidence::values`].
 ///
@@ -28,6 +28,7 @@ pub const COUNT: usize = 14;
 /// | `motion` | distance from the predicted place, in target sides |
 /// | `response` | what the online filter says; 0 without one |
 /// | `contrast` | `response` less the best of the other candidates' |
+/// | `colours` | how far the box has the target's colours, whose histogram is learnt where it is surely seen |
 pub const NAMES: [&str; COUNT] = [
     "score",
     "second",
@@ -43,6 +44,7 @@ pub const NAMES: [&str; COUNT] = [
     "motion",
     "response",
     "contrast",
+    "colours",
 ];
 
 /// What speaks for and against a box; every number is finite and of moderate size.
@@ -50,6 +52,13 @@ pub const NAMES: [&str; COUNT] = [
 pub struct Evidence {
     /// In the order of [`NAMES`].
     pub values: [f64; COUNT],
+}
+
+impl Evidence {
+    /// How far the box has the target's colours, in `[0, 1]`.
+    pub(crate) fn colours(&self) -> f64 {
+        self.values[COUNT - 1]
+    }
 }
 
 /// A chosen box in frame pixels with its evidence.
@@ -81,8 +90,8 @@ impl Witness {
         self.candidates.clear();
     }
 
-    /// Judges the choice of the last search; `None` if it chose nothing. `motion` is the chosen box's distance from where
-    /// it was expected, asked for by the box in frame pixels.
+    /// Judges the choice of the last search; `None` if it chose nothing. Asked for by the chosen box in frame pixels: its `motion`, which is its
+    /// distance from where it was expected, and its `colours`.
     pub(crate) fn judge(
         &mut self,
         network: &Network,
@@ -90,6 +99,7 @@ impl Witness {
         response: &[f32],
         seen: &Seen,
         motion: impl Fn(&CenterBox) -> f64,
+        colours: impl FnOnce(&CenterBox) -> f64,
     ) -> Option<Finding> {
         self.candidates.clear();
         let choice = seen.choice?;
@@ -134,6 +144,7 @@ impl Witness {
             motion(&bbox).min(20.0).ln_1p(),
             choice.response.clamp(0.0, 1.0),
             choice.response.clamp(0.0, 1.0) - rival_response.min(1.0),
+            colours(&bbox),
         ];
         let evidence = Evidence { values: values.map(|v| if v.is_finite() { v } else { 0.0 }) };
         Some(Finding { bbox, score: choice.score as f32, evidence })

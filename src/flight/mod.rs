@@ -31,7 +31,7 @@ use crate::bbox::{BBox, CenterBox};
 use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
-use crate::tracker::{SearchRegion, Tracker, TrackerOptions};
+use crate::tracker::{SearchRegion, Track, Tracker, TrackerOptions};
 use camera::CameraMotion;
 use colours::Colours;
 use evidence::{Finding, Witness};
@@ -62,7 +62,7 @@ pub struct FlightTracker {
     next_anchor: Option<(Kalman, u32)>, // becomes the anchor if the target stays surely seen; age in frames
     state: State,
     frames_in_state: u32,
-    faint: u32, // frames in a row below `absent`
+    faint: u32, // frames in a row below `absent`, or of other colours
     score: f32,
     probability: f64,
     tentative: Option<Tentative>,
@@ -84,6 +84,8 @@ const FRESH: u32 = 10;
 const PROBATION: u32 = 30;
 /// and log-odds below which it is.
 const REFUTED: f64 = -2.0;
+/// What is likelier not the target and has less of its colours than this is another object.
+const FOREIGN: f64 = 0.6;
 /// A rival must have this share of the chosen box's score to be taken in its place,
 const RIVAL_SCORE: f32 = 0.5;
 /// and fall behind its similarity by no more than this.
@@ -141,7 +143,7 @@ impl FlightTracker {
         self.witness.reset();
         self.rivals.clear();
         self.colours.clear();
-        self.colours.learn(frame, &bbox.center());
+        self.colours.learn(frame, &bbox.center(), 1.0);
         self.camera = CameraMotion::default();
         self.camera.observe(frame, None);
         self.smoothed = Smoothed::default();
@@ -186,9 +188,14 @@ impl FlightTracker {
     fn follow(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
         let (recover, careful) =
             (self.options.conduct == Conduct::Recover, self.options.conduct != Conduct::Tell);
-        let track = if careful { self.tracker.find(frame) } else { self.tracker.update(frame) }?;
+        let before = self.tracker.target_box();
+        let mut track = if careful { self.tracker.find(frame) } else { self.tracker.update(frame) }?;
+        let mut finding = self.judge(frame, true);
+        let slipped = careful && self.tracker.has_slipped(&track);
+        if slipped && let Some((wider, there)) = self.look_wider(frame, before, &track) {
+            (track, finding) = (wider, Some(there));
+        }
         self.score = track.score;
-        let finding = self.judge(true);
         let Some(finding) = finding else {
             self.probability = 0.0;
             self.doubt();
@@ -226,7 +233,8 @@ impl FlightTracker {
         let sure = probability >= self.options.sure;
         self.recognise(sure);
         self.drop_anchor(sure);
-        if self.probability < self.options.absent {
+        let foreign = self.probability < self.options.present && finding.evidence.colours() < FOREIGN;
+        if self.probability < self.options.absent || recover && foreign {
             self.doubt();
             return Ok(());
         }
@@ -235,17 +243,41 @@ impl FlightTracker {
             self.enter(State::LowConfidence);
             return Ok(());
         }
-        self.witness.learn(&finding.evidence, probability);
-        if recover && sure {
-            self.colours.learn(frame, &bbox);
-        }
-        if careful && !jumped && self.probation.is_none() {
-            self.tracker.learn();
+        // Light and looks change: what is only likely the target counts, too, but less.
+        self.colours.learn(frame, &bbox, (2.0 * probability - 1.0).max(0.0) as f32);
+        if !slipped {
+            self.witness.learn(&finding.evidence, probability);
+            if careful && !jumped && self.probation.is_none() {
+                self.tracker.learn();
+            }
         }
         if self.state != State::Reacquired || self.frames_in_state >= FRESH {
             self.enter(State::Tracking);
         }
         Ok(())
+    }
+
+    /// The paper's tracker's wider look for a target that may have moved out of the search region, from where it was `before`: what it found, if
+    /// that looks right and the target can be there. If not, the box stays at `track`.
+    fn look_wider(
+        &mut self,
+        frame: &Frame<'_>,
+        before: Option<CenterBox>,
+        track: &Track,
+    ) -> Option<(Track, Finding)> {
+        let evidence = self.evidence;
+        let wider = self.tracker.look_wider(frame, before?)?;
+        let finding = self.judge(frame, true).filter(|finding| {
+            let alike = self.presence.again.alone(&finding.evidence) >= self.options.present
+                && !self.rivals.claim(&finding.bbox, self.away(&finding.bbox));
+            self.is_within_reach(&finding.bbox) && (alike || self.belief(finding) >= 0.0)
+        });
+        if finding.is_none() {
+            self.tracker.place(track.bbox.center());
+            self.witness.candidates.clear(); // of the wider look
+            self.evidence = evidence;
+        }
+        finding.map(|finding| (wider, finding))
     }
 
     /// Takes the last re-acquisition back if what was found moves as the target never would have; `true` if so.
@@ -321,7 +353,8 @@ impl FlightTracker {
         }
     }
 
-    fn judge(&mut self, expected: bool) -> Option<Finding> {
+    /// What speaks for the choice of the last search, which looked at `frame`; by its motion as well if the target was `expected` there.
+    fn judge(&mut self, frame: &Frame<'_>, expected: bool) -> Option<Finding> {
         let kalman = self.kalman.filter(|_| expected);
         let distance = |bbox: &CenterBox| kalman.map_or(0.0, |kalman| kalman.distance(bbox));
         let tracker = &self.tracker;
@@ -331,6 +364,7 @@ impl FlightTracker {
             tracker.response(),
             tracker.seen()?,
             distance,
+            |bbox| self.colours.likeness(frame, bbox),
         );
         self.evidence = finding.map(|finding| finding.evidence);
         finding
@@ -371,7 +405,24 @@ impl FlightTracker {
         around: BBox,
     ) -> Result<Option<(BBox, Evidence)>, TrackError> {
         self.tracker.look(frame, around.center(), 1.0, 0.0)?;
-        Ok(self.judge(false).map(|finding| (finding.bbox.corner(), finding.evidence)))
+        Ok(self.judge(frame, false).map(|finding| (finding.bbox.corner(), finding.evidence)))
+    }
+
+    /// As [`examine`](Self::examine), but as a lost target is looked for: at the size last seen around (`cx`, `cy`), then once more at the place
+    /// and size found there.
+    ///
+    /// # Errors
+    /// If there is no target yet.
+    pub fn examine_twice(
+        &mut self,
+        frame: &Frame<'_>,
+        (cx, cy): (f32, f32),
+    ) -> Result<Option<(BBox, Evidence)>, TrackError> {
+        let last = self.predicted(frame);
+        let first = self.examine(frame, CenterBox { cx, cy, ..last }.corner())?;
+        first.map_or(Ok(None), |(found, _)| {
+            self.examine(frame, search::resized(&found.center(), &last).corner())
+        })
     }
 
     /// What spoke for the last box that was judged.

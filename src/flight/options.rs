@@ -73,7 +73,7 @@ impl FlightOptions {
             config: model.config(),
             present: 0.5,
             sure: 0.8,
-            absent: 0.03,
+            absent: 0.01,
             patience: 8,
             coast: 30,
             confirm: 3,

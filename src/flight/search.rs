@@ -36,7 +36,7 @@ const MOST_RESIZED: f32 = 2.0;
 const MAX_LEADS: usize = 8;
 
 /// What was found, of a size that the target can have come to since it was last seen.
-fn resized(found: &CenterBox, last: &CenterBox) -> CenterBox {
+pub(super) fn resized(found: &CenterBox, last: &CenterBox) -> CenterBox {
     let side = |found: f32, last: f32| found.clamp(last / MOST_RESIZED, last * MOST_RESIZED);
     CenterBox { w: side(found.w, last.w), h: side(found.h, last.h), ..*found }
 }
@@ -100,7 +100,7 @@ impl FlightTracker {
     fn look_ahead(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
         let predicted = self.predicted(frame);
         self.tracker.look(frame, predicted, 1.0, self.options.config.window_influence)?;
-        let Some(finding) = self.judge(true) else { return Ok(false) };
+        let Some(finding) = self.judge(frame, true) else { return Ok(false) };
         self.score = finding.score;
         self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
         self.recognise(false);
@@ -114,7 +114,7 @@ impl FlightTracker {
     }
 
     /// Log-odds that what was found is the target, by its looks and by its place.
-    fn belief(&self, finding: &Finding) -> f64 {
+    pub(super) fn belief(&self, finding: &Finding) -> f64 {
         let Some(kalman) = self.kalman else { return f64::NEG_INFINITY };
         if self.rivals.claim(&finding.bbox, self.away(&finding.bbox)) {
             return f64::NEG_INFINITY;
@@ -144,7 +144,7 @@ impl FlightTracker {
         }
         self.visited.push((around, 0));
         self.tracker.look(frame, around, zoom, 0.0)?;
-        let Some(finding) = self.judge(false) else { return Ok(()) };
+        let Some(finding) = self.judge(frame, false) else { return Ok(()) };
         self.recognise(false);
         self.suspect(&finding);
         if self.is_within_reach(&finding.bbox) {
@@ -196,7 +196,7 @@ impl FlightTracker {
         let back = self.tracker.target_box();
         self.tracker.place(tentative.bbox);
         let track = self.tracker.find(frame)?;
-        let Some(finding) = self.judge(false) else { return Ok(false) };
+        let Some(finding) = self.judge(frame, false) else { return Ok(false) };
         self.recognise(false);
         if self.belief(&finding) < 0.0 {
             back.into_iter().for_each(|bbox| self.tracker.place(bbox));

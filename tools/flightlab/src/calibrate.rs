@@ -13,15 +13,22 @@ use crate::{CalibrateArgs, Failure, load};
 /// Shares of the frame before that are tried.
 const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
 
-/// Evidence that must not speak against the target: what the online filter says. It agrees with so much else that its weight
+/// Evidence that must not speak against the target: what the online filter and the colours say. It agrees with so much else that its weight
 /// could come out below 0, and then a picture that shows nothing speaks for the target.
-const RISING: [&str; 2] = ["response", "contrast"];
+const RISING: [&str; 3] = ["response", "contrast", "colours"];
+
+/// Evidence that counts only where a lost target is looked for: while one is followed the light may change, which it does not in rendered flights.
+const ONLY_AGAIN: &str = "colours";
 
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
     let train = collect(&model, &args.flights, args.seed)?;
-    let presence = fit(&train)?;
+    let presence = if args.again_only {
+        rounded(Presence { again: fit_again(&train)?, ..Presence::of(model.header())? })
+    } else {
+        fit(&train)?
+    };
     print!("{}", presence.to_text());
     report("fitted to", &presence, &train);
     let test = collect(&model, &args.flights, args.test_seed)?;
@@ -54,13 +61,20 @@ fn inputs<'a>(samples: impl Iterator<Item = &'a Sample>) -> Vec<(Inputs, bool)> 
 fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
     let runs = || flights.iter().flat_map(|f| f.runs.iter().flatten());
     let looks = || flights.iter().flat_map(|f| &f.looks);
-    let all = inputs(runs().chain(looks()));
-    let again = inputs(flights.iter().flat_map(|f| &f.again));
-    let plain =
-        Presence { look: weighing(&all)?, again: weighing(&again)?, memory: 0.0, gain: 1.0, shift: 0.0 };
+    let mut all = inputs(runs().chain(looks()));
+    for (index, _) in EVIDENCE_NAMES.iter().enumerate().filter(|(_, name)| **name == ONLY_AGAIN) {
+        all.iter_mut().for_each(|(values, _)| values[index] = 0.0);
+    }
+    let (look, again) = (weighing(&all)?, fit_again(flights)?);
+    let plain = Presence { look, again, memory: 0.0, gain: 1.0, shift: 0.0 };
     let tried = MEMORIES.iter().map(|&memory| smooth(plain, memory, flights));
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     Ok(rounded(best.map_or(plain, |(_, presence)| presence)))
+}
+
+/// Fits a look for a target that was lost.
+fn fit_again(flights: &[Samples]) -> Result<Weighing, Failure> {
+    weighing(&inputs(flights.iter().flat_map(|f| &f.again)))
 }
 
 /// What each piece of evidence is worth, by looks of both kinds.

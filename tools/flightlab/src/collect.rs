@@ -71,7 +71,7 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
             // One that lost it teaches nothing: shown again.
             age = if is_on(&track.bbox, truth) == Some(false) { u32::MAX } else { age };
         } else if age <= SEEN + UNSEEN && index % LOOK_EVERY == 0 {
-            look_around(&mut late, frame, truth, &mut chance, &mut samples.again)?;
+            look_around(&mut late, Looks::Twice, frame, truth, &mut chance, &mut samples.again)?;
             look_at_nothing(&mut late, index, truth, &mut samples.again)?;
         }
         if off > OFF_FRAMES {
@@ -89,7 +89,7 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
         }
         off = if on == Some(false) && truth.visible > 0.5 { off + 1 } else { 0 };
         if index % LOOK_EVERY == 0 {
-            look_around(&mut tracker, frame, truth, &mut chance, &mut samples.looks)?;
+            look_around(&mut tracker, Looks::Once, frame, truth, &mut chance, &mut samples.looks)?;
             look_at_nothing(&mut tracker, index, truth, &mut samples.looks)?;
         }
         Ok(())
@@ -97,9 +97,19 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
     Ok(samples)
 }
 
+/// How a place is looked at.
+#[derive(Clone, Copy, Debug)]
+enum Looks {
+    /// At the target's true size.
+    Once,
+    /// As re-detection does: at the size last seen, then at the size found.
+    Twice,
+}
+
 /// Looks near the target's place, at a look-alike, and anywhere.
 fn look_around(
     tracker: &mut FlightTracker,
+    how: Looks,
     frame: &Frame<'_>,
     truth: &Truth,
     chance: &mut Chance,
@@ -116,10 +126,14 @@ fn look_around(
     let (x, y) = (chance.unit() * frame.width() as f32, chance.unit() * frame.height() as f32);
     places.push(BBox::new(x, y, target.w, target.h));
     for place in places {
-        // The size is the target's, whatever stands there: so does re-detection look.
+        // The size is the target's, whatever stands there.
         let c = place.center();
         let around = BBox::new(c.cx - target.w / 2.0, c.cy - target.h / 2.0, target.w, target.h);
-        if let Some((found, evidence)) = tracker.examine(frame, around)? {
+        let found = match how {
+            Looks::Once => tracker.examine(frame, around)?,
+            Looks::Twice => tracker.examine_twice(frame, (c.cx, c.cy))?,
+        };
+        if let Some((found, evidence)) = found {
             let on = is_on(&found, truth).filter(|on| !on || truth.visible > VISIBLE);
             looks.push(Sample { evidence, on, gone });
         }

@@ -82,6 +82,9 @@ struct CalibrateArgs {
     /// File for the coefficients as text, such as src/flight/presence.txt.
     #[arg(long)]
     text: Option<PathBuf>,
+    /// Fit only how looks for a lost target are weighed, and keep the model's other coefficients.
+    #[arg(long)]
+    again_only: bool,
 }
 
 #[derive(Debug, Args)]
