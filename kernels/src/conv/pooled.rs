@@ -7,7 +7,7 @@
 //!
 //! Bands begin where Winograd's tiles do: every value is the same bits as in one piece.
 
-use super::{Conv, Input, Output, SLACK, winograd};
+use super::{Conv, Input, Output, Packed, SLACK, winograd};
 use crate::par::Threads;
 use crate::{Size, pool};
 use std::ops::Range;
@@ -26,7 +26,7 @@ impl Conv {
     fn bands(&self, size: Size, threads: &Threads) -> impl Iterator<Item = Range<usize>> {
         let map = self.shape.out_size(size);
         let unit = match &self.weights {
-            super::Packed::Winograd(weights) => winograd::rows_per_tile(weights.shape(), weights.points()),
+            Packed::Winograd(weights) => winograd::rows_per_tile(weights.shape(), weights.points()),
             _ => 1,
         };
         let rows = (BAND_VALUES / (map.w * self.shape.out_channels)).max(LEAST);
