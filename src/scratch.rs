@@ -82,6 +82,17 @@ impl Map {
         &mut self.bytes[..len]
     }
 
+    /// Room for what `conv` writes and `next` reads: bytes, if both compute in them.
+    fn output(&mut self, size: Size, conv: &Conv, next: &Conv) -> Output<'_> {
+        let channels = conv.shape().out_channels;
+        match (conv.algorithm(), next.algorithm()) {
+            (Algorithm::Int8(_), Algorithm::Int8(quantization)) => {
+                Output::Bytes(self.reshape_bytes(size, channels), quantization)
+            }
+            _ => Output::Floats(self.reshape(size, channels)),
+        }
+    }
+
     /// What the next convolution reads.
     fn input(&self) -> Input<'_> {
         if self.bytes.is_empty() { Input::Floats(&self.values) } else { Input::Bytes(&self.bytes) }
@@ -104,12 +115,9 @@ impl Context {
 
     /// A convolution whose output `next` reads, and nobody else: as bytes, if both compute in them.
     pub(crate) fn conv_for(&mut self, threads: &Threads, conv: &Conv, next: &Conv, from: &Map, to: &mut Map) {
-        let (Algorithm::Int8(_), Algorithm::Int8(quantization)) = (conv.algorithm(), next.algorithm()) else {
-            return self.conv(threads, conv, from, to);
-        };
-        let out = to.reshape_bytes(conv.shape().out_size(from.size), conv.shape().out_channels);
+        let out = to.output(conv.shape().out_size(from.size), conv, next);
         let scratch = self.scratch(conv.scratch_len(from.size, threads));
-        conv.run_between(threads, from.input(), from.size, Output::Bytes(out, quantization), scratch);
+        conv.run_between(threads, from.input(), from.size, out, scratch);
     }
 
     /// The same with the max-pool behind the convolution, which `next` reads.
@@ -121,13 +129,7 @@ impl Context {
         from: &Map,
         to: &mut Map,
     ) {
-        let (size, channels) = (pool::out_size(conv.shape().out_size(from.size)), conv.shape().out_channels);
-        let out = match (conv.algorithm(), next.algorithm()) {
-            (Algorithm::Int8(_), Algorithm::Int8(quantization)) => {
-                Output::Bytes(to.reshape_bytes(size, channels), quantization)
-            }
-            _ => Output::Floats(to.reshape(size, channels)),
-        };
+        let out = to.output(pool::out_size(conv.shape().out_size(from.size)), conv, next);
         let scratch = self.scratch(conv.pooled_scratch_len(from.size, threads));
         conv.run_pooled(threads, from.input(), from.size, out, scratch);
     }

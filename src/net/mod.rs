@@ -68,7 +68,7 @@ impl Network {
         &self.threads
     }
 
-    /// Every intermediate map of the last pass, by the layer's name: for tests and diagnosis.
+    /// Every intermediate map that the last pass left, by the layer's name: for tests and diagnosis. conv1 and conv2 leave only what is pooled.
     pub fn maps(&self) -> impl Iterator<Item = (&'static str, &Map)> {
         let TemplateFeatures { cls, reg, .. } = self.template.features();
         let template = [("neck.template_cls", cls), ("neck.template_reg", reg)];

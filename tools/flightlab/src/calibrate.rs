@@ -18,7 +18,7 @@ const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
 const RISING: [&str; 3] = ["response", "contrast", "colours"];
 
 /// Evidence that counts only where a lost target is looked for: while one is followed the light may change, which it does not in rendered flights.
-const ONLY_AGAIN: &str = "colours";
+const ONLY_AGAIN: [&str; 1] = ["colours"];
 
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
@@ -62,7 +62,7 @@ fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
     let runs = || flights.iter().flat_map(|f| f.runs.iter().flatten());
     let looks = || flights.iter().flat_map(|f| &f.looks);
     let mut all = inputs(runs().chain(looks()));
-    for (index, _) in EVIDENCE_NAMES.iter().enumerate().filter(|(_, name)| **name == ONLY_AGAIN) {
+    for index in places(&ONLY_AGAIN) {
         all.iter_mut().for_each(|(values, _)| values[index] = 0.0);
     }
     let (look, again) = (weighing(&all)?, fit_again(flights)?);
@@ -85,13 +85,13 @@ fn weighing(looks: &[(Inputs, bool)]) -> Result<Weighing, Failure> {
         let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
         return Err(Failure::Nothing(needed.into()));
     }
-    let (bias, weights) = logistic(looks, &rising());
+    let (bias, weights) = logistic(looks, &places(&RISING));
     Ok(Weighing { bias, weights })
 }
 
-/// Where the evidence of [`RISING`] is among all.
-fn rising() -> Vec<usize> {
-    (0..EVIDENCE_NAMES.len()).filter(|&i| RISING.contains(&EVIDENCE_NAMES[i])).collect()
+/// Where some evidence is among all.
+fn places(names: &[&str]) -> Vec<usize> {
+    (0..EVIDENCE_NAMES.len()).filter(|&i| names.contains(&EVIDENCE_NAMES[i])).collect()
 }
 
 /// Six significant digits are more than the fit is worth.
@@ -174,7 +174,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn evidence_that_must_not_fall_exists() {
-        assert_eq!(rising().len(), RISING.len());
+    fn named_evidence_exists() {
+        assert_eq!(places(&RISING).len(), RISING.len());
+        assert_eq!(places(&ONLY_AGAIN).len(), ONLY_AGAIN.len());
     }
 }

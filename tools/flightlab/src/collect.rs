@@ -126,11 +126,13 @@ fn look_around(
     let (x, y) = (chance.unit() * frame.width() as f32, chance.unit() * frame.height() as f32);
     places.push(BBox::new(x, y, target.w, target.h));
     for place in places {
-        // The size is the target's, whatever stands there.
         let c = place.center();
-        let around = BBox::new(c.cx - target.w / 2.0, c.cy - target.h / 2.0, target.w, target.h);
         let found = match how {
-            Looks::Once => tracker.examine(frame, around)?,
+            Looks::Once => {
+                // Whatever stands there.
+                let (x, y) = (c.cx - target.w / 2.0, c.cy - target.h / 2.0);
+                tracker.examine(frame, BBox::new(x, y, target.w, target.h))?
+            }
             Looks::Twice => tracker.examine_twice(frame, (c.cx, c.cy))?,
         };
         if let Some((found, evidence)) = found {
