@@ -2,6 +2,7 @@
 
 mod common;
 
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Tracker, TrackerOptions};
 use weights_format::Weights;
@@ -23,23 +24,31 @@ fn frames(sequence: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// Tracks the first `count` frames from `init` on.
-fn track(model: &Model, sequence: &Path, init: BBox, count: usize) -> Vec<BBox> {
-    let options = TrackerOptions { threads: 2, ..TrackerOptions::of(model) };
-    let mut tracker = Tracker::with_options(model.clone(), options);
-    let mut boxes = Vec::new();
+/// The boxes that each model gives the first `count` frames from `init` on; frames are decoded once.
+fn track<const MODELS: usize>(
+    models: [&Model; MODELS],
+    sequence: &Path,
+    init: BBox,
+    count: usize,
+) -> [Vec<BBox>; MODELS] {
+    let mut trackers = models.map(|model| {
+        let options = TrackerOptions { threads: 1, ..TrackerOptions::of(model) };
+        (Tracker::with_options(model.clone(), options), Vec::with_capacity(count))
+    });
     for path in frames(sequence).iter().take(count) {
         let image = image::open(path).unwrap().to_rgb8();
         let (w, h) = (image.width() as usize, image.height() as usize);
         let frame = Frame::new(image.as_raw(), w, h, ChannelOrder::Rgb).unwrap();
-        boxes.push(if boxes.is_empty() {
-            tracker.init(&frame, init).unwrap();
-            init
-        } else {
-            tracker.update(&frame).unwrap().bbox
-        });
+        for (tracker, boxes) in &mut trackers {
+            boxes.push(if boxes.is_empty() {
+                tracker.init(&frame, init).unwrap();
+                init
+            } else {
+                tracker.update(&frame).unwrap().bbox
+            });
+        }
     }
-    boxes
+    trackers.map(|(_, boxes)| boxes)
 }
 
 #[test]
@@ -51,19 +60,19 @@ fn boxes_of_the_reference_implementation() {
     };
     let weights = converter::convert(&checkpoint, &Default::default()).unwrap().weights;
     let model = Model::from_weights(&weights, Isa::detect()).unwrap();
-    for name in
-        ["DTB70/Gull2", "OTB100/Crossing", "UAV123_10fps/boat1", "UAV123_10fps/group1_2", "UAVDT/S0601"]
-    {
+    let names =
+        ["DTB70/Gull2", "OTB100/Crossing", "UAV123_10fps/boat1", "UAV123_10fps/group1_2", "UAVDT/S0601"];
+    names.par_iter().for_each(|name| {
         let Some(golden) = common::shared(&format!("golden/{}.boxes.txt", name.replace('/', "__"))) else {
             return;
         };
         let reference = read_boxes(&golden);
-        let ours = track(&model, &sequences.join(name), reference[0], reference.len());
+        let [ours] = track([&model], &sequences.join(name), reference[0], reference.len());
         assert_eq!(ours.len(), reference.len(), "{name}");
         let mean = ours.iter().zip(&reference).map(|(a, b)| a.iou(b)).sum::<f32>() / ours.len() as f32;
         println!("{name}: mean IoU with the reference {mean:.4} over {} frames", ours.len());
         assert!(mean >= 0.97, "{name}: mean IoU with the reference is {mean}");
-    }
+    });
 }
 
 /// Precision at 20 px and success AUC by the got10k rule, centres in original pixels (spec section 4.2).
@@ -76,6 +85,9 @@ fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> (f32, f32) {
     (precision, (0..21).map(success).sum::<f32>() / 21.0)
 }
 
+/// Precision@20 and AUC in percent: over all sequences, and over those whose videos were not trained on.
+type Accuracy = [f32; 4];
+
 #[test]
 fn accuracy_of_the_built_in_models() {
     let Some(root) = common::shared("data/dev_seqs") else { return };
@@ -84,8 +96,7 @@ fn accuracy_of_the_built_in_models() {
     assert!(Model::builtin_names().eq(expected.iter().map(|(name, _)| *name)));
     for (name, expected) in expected {
         let weights = Model::find(Some(Path::new(name))).unwrap();
-        let f32 = accuracy(&root, &weights, Precision::F32);
-        let int8 = accuracy(&root, &weights, Precision::Int8);
+        let [f32, int8] = accuracy(&root, &weights, [Precision::F32, Precision::Int8]);
         for (found, expected) in f32.into_iter().zip(expected) {
             assert!(found >= expected - 1.5, "{name}: found {found:.1}, expected at least {expected} - 1.5");
         }
@@ -95,50 +106,42 @@ fn accuracy_of_the_built_in_models() {
     }
 }
 
-/// Precision@20 and AUC of a built-in model in percent: over all sequences, and over those whose videos were not
-/// trained on.
-fn accuracy(root: &Path, weights: &Weights, precision: Precision) -> [f32; 4] {
-    let model = Model::with_precision(weights, Isa::detect(), precision).unwrap();
-    let (mut all, mut clean) = (Vec::new(), Vec::new());
+/// The accuracy of a built-in model in each precision.
+fn accuracy<const MODELS: usize>(
+    root: &Path,
+    weights: &Weights,
+    precisions: [Precision; MODELS],
+) -> [Accuracy; MODELS] {
+    let models = precisions.map(|p| Model::with_precision(weights, Isa::detect(), p).unwrap());
     let folders = |path: &Path| -> Vec<PathBuf> {
         let mut list: Vec<_> = std::fs::read_dir(path).unwrap().map(|e| e.unwrap().path()).collect();
         list.retain(|p| p.is_dir());
         list.sort();
         list
     };
-    for sequence in folders(root).iter().flat_map(|set| folders(set)) {
+    let sequences: Vec<_> = folders(root).iter().flat_map(|set| folders(set)).collect();
+    let of_one = |sequence: &PathBuf| {
         let meta = std::fs::read(sequence.join("meta.json")).unwrap();
         let meta: serde_json::Value = serde_json::from_slice(&meta).unwrap();
         let annotations = read_boxes(&sequence.join("groundtruth_rect.txt"));
-        let boxes = track(&model, &sequence, annotations[0], annotations.len());
-        let result = score(&boxes, &annotations, meta["scale"].as_f64().unwrap() as f32);
-        println!(
-            "{:32} {:6.1} {:6.1}",
-            sequence.strip_prefix(root).unwrap().display(),
-            result.0 * 100.0,
-            result.1 * 100.0
-        );
-        all.push(result);
-        if !meta["in_train"].as_bool().unwrap() {
-            clean.push(result);
-        }
-    }
-    let mean = |results: &[(f32, f32)]| {
-        let n = results.len() as f32;
-        (
-            100.0 * results.iter().map(|r| r.0).sum::<f32>() / n,
-            100.0 * results.iter().map(|r| r.1).sum::<f32>() / n,
-        )
+        let boxes = track(models.each_ref(), sequence, annotations[0], annotations.len());
+        let scale = meta["scale"].as_f64().unwrap() as f32;
+        (meta["in_train"].as_bool().unwrap(), boxes.map(|boxes| score(&boxes, &annotations, scale)))
     };
-    let (all, clean) = (mean(&all), mean(&clean));
-    println!(
-        "{} {}: precision@20 / AUC: all {:.1} / {:.1}, dev-clean {:.1} / {:.1}",
-        weights.header.provenance.name,
-        precision.name(),
-        all.0,
-        all.1,
-        clean.0,
-        clean.1
-    );
-    [all.0, all.1, clean.0, clean.1]
+    let results: Vec<_> = sequences.par_iter().map(of_one).collect();
+    std::array::from_fn(|i| {
+        println!("{} {}: precision@20 / AUC", weights.header.provenance.name, precisions[i].name());
+        for (sequence, (_, result)) in sequences.iter().zip(&results) {
+            let name = sequence.strip_prefix(root).unwrap().display();
+            println!("{name:32} {:6.1} {:6.1}", 100.0 * result[i].0, 100.0 * result[i].1);
+        }
+        let mean = |which: fn(bool) -> bool| {
+            let results = results.iter().filter(|(trained, _)| which(*trained)).map(|(_, result)| result[i]);
+            let percent = |sum: f32| 100.0 * sum / results.clone().count() as f32;
+            [percent(results.clone().map(|r| r.0).sum()), percent(results.clone().map(|r| r.1).sum())]
+        };
+        let (all, clean) = (mean(|_| true), mean(|trained| !trained));
+        println!("all {:.1} / {:.1}, dev-clean {:.1} / {:.1}", all[0], all[1], clean[0], clean[1]);
+        [all[0], all[1], clean[0], clean[1]]
+    })
 }

@@ -14,8 +14,39 @@ use std::time::Instant;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tentative {
     pub bbox: CenterBox,
-    pub confirmed: u32,
-    pub needed: u32,
+    confirmed: u32, // looks in a row that speak for it,
+    needed: u32,    // so many are enough
+    looks: u32,     // all of them,
+    log_odds: f64,  // and their sum
+}
+
+impl Tentative {
+    /// A place for closer looks.
+    fn new(bbox: CenterBox, needed: u32) -> Tentative {
+        Tentative { bbox, confirmed: 0, needed, looks: 0, log_odds: 0.0 }
+    }
+
+    /// Takes one more look into account.
+    fn note(&mut self, log_odds: f64) {
+        self.confirmed = if log_odds >= 0.0 { self.confirmed + 1 } else { 0 };
+        self.looks += 1;
+        self.log_odds += log_odds;
+    }
+
+    /// Mean log-odds of all looks.
+    fn mean(&self) -> f64 {
+        self.log_odds / f64::from(self.looks.max(1))
+    }
+
+    /// Whether it is not worth another look.
+    fn is_refuted(&self) -> bool {
+        self.confirmed == 0 && self.mean() < DOUBTFUL
+    }
+
+    /// Whether it is taken for the target: what is surely right in a few looks, or what is doubtful and stays the best there is.
+    fn is_found(&self) -> bool {
+        self.confirmed >= self.needed || self.looks >= PATIENT && self.mean() >= DOUBTFUL
+    }
 }
 
 /// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
@@ -32,6 +63,10 @@ const REMEMBERED: u32 = 15;
 const MOST_VISITED: usize = 128;
 /// Most that a side of the target grows or shrinks by while it is not seen.
 const MOST_RESIZED: f32 = 2.0;
+/// Looks that something doubtful must last,
+const PATIENT: u32 = 10;
+/// and the least mean of its log-odds.
+const DOUBTFUL: f64 = -0.7;
 /// Most places that wait for a closer look.
 const MAX_LEADS: usize = 8;
 
@@ -72,9 +107,10 @@ impl FlightTracker {
         for searches in 1.. {
             let began = Instant::now();
             let ahead = self.state == State::Coasting || self.frames_in_state.is_multiple_of(3);
-            if searches == 1 && ahead && self.tentative.is_none() {
+            let doubtful = self.tentative.is_none_or(|tentative| tentative.confirmed == 0);
+            if searches == 1 && ahead && doubtful {
                 verified = self.look_ahead(frame)?;
-            } else if !verified && (self.tentative.is_some() || self.closer_look && self.take_lead()) {
+            } else if !verified && (self.closer_look || self.tentative.is_some()) && self.take_lead() {
                 // Once a frame: it takes one frame after the other to confirm a place.
                 (verified, self.closer_look) = (true, false);
                 if self.verify(frame)? {
@@ -104,11 +140,14 @@ impl FlightTracker {
         self.score = finding.score;
         self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
         self.recognise(false);
-        let promising = self.belief(&finding) >= 0.0;
+        let log_odds = self.belief(&finding);
+        let promising = log_odds >= 0.0;
         if promising {
             let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
             let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..predicted };
-            self.tentative = Some(Tentative { bbox, confirmed: 1, needed });
+            let mut tentative = Tentative::new(bbox, needed);
+            tentative.note(log_odds);
+            self.tentative = Some(tentative);
         }
         Ok(promising)
     }
@@ -148,13 +187,16 @@ impl FlightTracker {
         self.recognise(false);
         self.suspect(&finding);
         if self.is_within_reach(&finding.bbox) {
-            let odds = self.belief(&finding);
-            self.leads.push((odds, resized(&finding.bbox, &size)));
-            self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let excess = self.leads.len().saturating_sub(MAX_LEADS);
-            self.leads.drain(..excess);
+            self.add_lead(self.belief(&finding), resized(&finding.bbox, &size));
         }
         Ok(())
+    }
+
+    fn add_lead(&mut self, log_odds: f64, bbox: CenterBox) {
+        self.leads.push((log_odds, bbox));
+        self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let excess = self.leads.len().saturating_sub(MAX_LEADS);
+        self.leads.drain(..excess);
     }
 
     /// The place within reach that has the target's colours most and was not looked at lately.
@@ -180,12 +222,15 @@ impl FlightTracker {
         })
     }
 
-    /// Takes the best lead for a closer look, if there is one.
+    /// Takes the best lead for a closer look, unless there is a place already; what is doubtful there steps back for a lead that is believed.
+    /// Returns whether there is a place now.
     fn take_lead(&mut self) -> bool {
-        if self.tentative.is_none() {
-            let lead = self.leads.pop();
-            self.tentative =
-                lead.map(|(_, bbox)| Tentative { bbox, confirmed: 0, needed: self.options.confirm });
+        let believed = self.leads.last().is_some_and(|(log_odds, _)| *log_odds >= 0.0);
+        if self.tentative.is_none_or(|tentative| believed && tentative.confirmed == 0)
+            && let Some((_, bbox)) = self.leads.pop()
+        {
+            let before = self.tentative.replace(Tentative::new(bbox, self.options.confirm));
+            before.into_iter().for_each(|before| self.add_lead(before.mean(), before.bbox));
         }
         self.tentative.is_some()
     }
@@ -198,13 +243,13 @@ impl FlightTracker {
         let track = self.tracker.find(frame)?;
         let Some(finding) = self.judge(frame, false) else { return Ok(false) };
         self.recognise(false);
-        if self.belief(&finding) < 0.0 {
+        tentative.note(self.belief(&finding));
+        if tentative.is_refuted() {
             back.into_iter().for_each(|bbox| self.tracker.place(bbox));
             return Ok(false);
         }
         tentative.bbox = track.bbox.center();
-        tentative.confirmed += 1;
-        if tentative.confirmed < tentative.needed {
+        if !tentative.is_found() {
             self.tentative = Some(tentative);
             return Ok(false);
         }
@@ -236,6 +281,24 @@ impl FlightTracker {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_sure_is_taken_soon_and_what_is_doubtful_late() {
+        let after = |log_odds: &[f64]| {
+            let mut tentative = Tentative::new(CenterBox::default(), 3);
+            log_odds.iter().for_each(|odds| tentative.note(*odds));
+            tentative
+        };
+        assert!(after(&[0.1, 2.0, 0.5]).is_found());
+        assert!(!after(&[0.1, 2.0, -0.1, 0.5]).is_found(), "in a row");
+        let doubtful = [-0.5; PATIENT as usize];
+        assert!(!after(&doubtful[1..]).is_found() && after(&doubtful).is_found());
+        assert!(after(&[-1.0]).is_refuted() && !after(&[-0.5]).is_refuted());
+        assert!(after(&[0.2, 0.2, -9.0]).is_refuted());
+        assert!(after(&[-0.2, f64::NEG_INFINITY]).is_refuted(), "a rival");
+        let rival = after(&[f64::NEG_INFINITY, 0.3]);
+        assert!(!rival.is_refuted() && !rival.is_found());
+    }
 
     #[test]
     fn a_target_returns_larger_or_smaller_within_bounds() {

@@ -39,7 +39,7 @@ struct Moment {
 struct Outcome {
     seed: u64,
     flight: Vec<Moment>,
-    paper: Vec<Moment>,
+    paper: Vec<Moment>, // none if it was left out
 }
 
 /// Runs the sub-command.
@@ -63,8 +63,8 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
             }
         }
         let found = Count::sum(returns(&outcome.flight).into_iter());
-        let line = |moments: &[Moment]| format!("{:.3}", mean_iou(moments));
-        let (flight, paper) = (line(&outcome.flight), line(&outcome.paper));
+        let flight = format!("{:.3}", mean_iou(&outcome.flight));
+        let paper = if args.flight_only { "-".into() } else { format!("{:.3}", mean_iou(&outcome.paper)) };
         let wrong = if locks_wrong(&outcome.flight) { "  wrong target" } else { "" };
         println!("seed {}: IoU {flight}, paper {paper}; found again {found}{wrong}", outcome.seed);
     }
@@ -74,8 +74,10 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         let label = part.map_or("all".into(), |part| format!("{part:?}").to_lowercase());
         let paper: Vec<_> = outcomes.iter().filter(of).map(|o| &o.paper[..]).collect();
         let flight: Vec<_> = outcomes.iter().filter(of).map(|o| &o.flight[..]).collect();
-        if !paper.is_empty() {
+        if !paper.is_empty() && !args.flight_only {
             summarise(&format!("{label}, paper"), &paper);
+        }
+        if !flight.is_empty() {
             summarise(&format!("{label}, flight"), &flight);
         }
     }
@@ -87,8 +89,9 @@ fn flight(model: &Model, presence: &Presence, args: &EvaluateArgs, seed: u64) ->
     let follow = FlightOptions { conduct: Conduct::Tell, ..options };
     let mut trackers = [options, follow].map(|o| FlightTracker::with_presence(model.clone(), o, *presence));
     let mut moments = [Vec::new(), Vec::new()];
+    let modes = if args.flight_only { 1 } else { trackers.len() };
     play(&args.flights, seed, |index, frame, truth| {
-        for (tracker, moments) in trackers.iter_mut().zip(&mut moments) {
+        for (tracker, moments) in trackers.iter_mut().zip(&mut moments).take(modes) {
             if index == 0 {
                 tracker.init(frame, bbox(&truth.bbox))?;
             } else {

@@ -103,6 +103,9 @@ struct EvaluateArgs {
     /// Print a line per frame: visible share, IoU, presence, state, believed.
     #[arg(long)]
     trace: bool,
+    /// Leave out the paper's mode: half the time.
+    #[arg(long)]
+    flight_only: bool,
     /// Presence coefficients as text in place of the model's.
     #[arg(long)]
     text: Option<PathBuf>,
