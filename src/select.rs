@@ -31,6 +31,21 @@ pub(crate) struct Choice {
     pub penalized_score: f64,
 }
 
+/// The online filter agrees with a box about whose middle it says this share of what it says anywhere.
+const AGREED: f64 = 0.5;
+/// If not, the box moves to where it says most if that is at least so much,
+const CLEAR: f32 = 0.3;
+/// and not as far away as this, in sides of the box.
+const NEAR: f32 = 0.8;
+
+/// Where the online filter says most, in crop pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Peak {
+    cx: f32,
+    cy: f32,
+    response: f32,
+}
+
 impl Selector {
     pub(crate) fn new(architecture: &Architecture) -> Selector {
         let n = architecture.score_size();
@@ -110,7 +125,7 @@ impl Selector {
                 best = Some(Choice { index, bbox, score, response, penalty, penalized_score });
             }
         }
-        best
+        best.map(|choice| Choice { bbox: self.drawn(choice.bbox, response), ..choice })
     }
 
     /// Side of a square response that has the score map in its middle, and its cells before the score map's first.
@@ -135,6 +150,41 @@ impl Selector {
         let [row, column] =
             [row, column].map(|at| (at.round().max(0.0) as usize).min(side.saturating_sub(1)));
         response.get(row * side + column).map_or(0.0, |response| f64::from(*response))
+    }
+
+    /// Whether the online filter says about a box of crop pixels a good part ([`AGREED`]) of what it says anywhere. If not, the box has slipped
+    /// to a part of the target, or to another object, and would take a filter that learns it along.
+    pub(crate) fn agrees(&self, bbox: &CenterBox, response: &[f32]) -> bool {
+        let most = response.iter().copied().fold(0.0, f32::max);
+        self.response_at(bbox, response) >= AGREED * f64::from(most)
+    }
+
+    /// A box with which the online filter does not agree has its middle moved to the filter's peak if that is clear and near: the network
+    /// takes a part of the target for the whole.
+    fn drawn(&self, bbox: CenterBox, response: &[f32]) -> CenterBox {
+        let Some(peak) = self.peak(response).filter(|_| !self.agrees(&bbox, response)) else { return bbox };
+        let near = (peak.cx - bbox.cx).hypot(peak.cy - bbox.cy) < NEAR * (bbox.w * bbox.h).sqrt();
+        if peak.response >= CLEAR && near { CenterBox { cx: peak.cx, cy: peak.cy, ..bbox } } else { bbox }
+    }
+
+    /// Where the online filter says most, between cells by the parabola through a cell and its neighbours.
+    fn peak(&self, response: &[f32]) -> Option<Peak> {
+        let (side, border) = self.response_geometry(response);
+        let best = (0..response.len()).max_by(|a, b| response[*a].total_cmp(&response[*b]))?;
+        let (row, column) = (best / side, best % side);
+        let at = |row: usize, column: usize| response[row.min(side - 1) * side + column.min(side - 1)];
+        let middle = |cell: usize, [before, here, after]: [f32; 3]| {
+            let bend = before - 2.0 * here + after;
+            let shift = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+            let cell = cell as f64 - border as f64 + f64::from(shift);
+            (self.offset + Architecture::TOTAL_STRIDE as f64 * cell) as f32
+        };
+        let here = response[best];
+        Some(Peak {
+            cx: middle(column, [at(row, column.saturating_sub(1)), here, at(row, column + 1)]),
+            cy: middle(row, [at(row.saturating_sub(1), column), here, at(row + 1, column)]),
+            response: here,
+        })
     }
 
     /// The box of one cell in crop pixels from its four offsets; its width counts both end pixels.
@@ -245,6 +295,26 @@ mod tests {
         o.score[3] = 1.0;
         let config = TrackConfig { window_influence: 0.0, ..TrackConfig::default() };
         assert_eq!(s.choose(&o, &[], [21.0, 21.0], &config).unwrap().index, 3);
+    }
+
+    #[test]
+    fn a_box_beside_the_filters_peak_is_drawn_there_and_not_learnt() {
+        let s = selector();
+        let mut response = vec![0.0; 23 * 23]; // three cells more than the score map on every side
+        (response[11 * 23 + 10], response[11 * 23 + 11], response[11 * 23 + 12]) = (0.4, 0.8, 0.6);
+        let at = |column| s.decode(8, column, &[15.0; 4]); // 31 pixels, cells of 8
+        let agrees = |column| s.agrees(&at(column), &response);
+        assert!(agrees(7) && agrees(8) && agrees(9) && !agrees(10) && !agrees(6));
+        let drawn = |column| s.drawn(at(column), &response);
+        assert_eq!(drawn(9), at(9), "the filter agrees");
+        let peak = CenterBox { cx: at(8).cx + 8.0 / 6.0, ..at(8) }; // of a parabola through 0.4, 0.8, 0.6
+        assert!((drawn(10).cx - peak.cx).abs() < 1e-3 && drawn(10).cy == peak.cy, "{:?}", drawn(10));
+        assert_eq!(drawn(13), at(13), "too far away");
+        let faint: Vec<f32> = response.iter().map(|r| 0.3 * r).collect();
+        assert_eq!(s.drawn(at(10), &faint), at(10));
+        // Without a filter there is nothing to disagree.
+        assert!(s.agrees(&at(8), &[]));
+        assert_eq!(s.drawn(at(8), &[]), at(8));
     }
 
     #[test]

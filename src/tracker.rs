@@ -248,6 +248,7 @@ impl Tracker {
         }
         if let Some(target) = self.target
             && choice.score.max(choice.response) >= LEARNT_FROM
+            && selector.agrees(&choice.bbox, self.filter.response())
         {
             let CenterBox { w, h, .. } = selector.in_crop(&target.bbox, seen.scale);
             let place = CenterBox { w, h, ..choice.bbox };
