@@ -19,7 +19,7 @@ pub(crate) struct Selector {
 pub(crate) struct Choice {
     /// Row-major index of the cell.
     pub index: usize,
-    /// Its box in crop pixels.
+    /// Its box in crop pixels; where the online filter does not agree, in the place that the filter says.
     pub bbox: CenterBox,
     /// Score times centerness.
     pub score: f64,
@@ -162,7 +162,10 @@ impl Selector {
     /// A box with which the online filter does not agree has its middle moved to the filter's peak if that is clear and near: the network
     /// takes a part of the target for the whole.
     fn drawn(&self, bbox: CenterBox, response: &[f32]) -> CenterBox {
-        let Some(peak) = self.peak(response).filter(|_| !self.agrees(&bbox, response)) else { return bbox };
+        if self.agrees(&bbox, response) {
+            return bbox;
+        }
+        let Some(peak) = self.peak(response) else { return bbox };
         let near = (peak.cx - bbox.cx).hypot(peak.cy - bbox.cy) < NEAR * (bbox.w * bbox.h).sqrt();
         if peak.response >= CLEAR && near { CenterBox { cx: peak.cx, cy: peak.cy, ..bbox } } else { bbox }
     }
