@@ -171,6 +171,18 @@ impl Isa {
         self.run(Pixels(vectors))
     }
 
+    /// The other register tile ([`Simd::LONG_TILE`]).
+    pub(crate) fn long_tile(self) -> (usize, usize) {
+        struct LongTile;
+        impl Kernel for LongTile {
+            type Output = (usize, usize);
+            fn run<S: Simd>(self, _: S) -> (usize, usize) {
+                S::LONG_TILE
+            }
+        }
+        self.run(LongTile)
+    }
+
     /// What dot products of bytes take off each activation ([`Dot::OFFSET`]).
     pub(crate) fn dot_offset(self) -> i32 {
         struct Offset;

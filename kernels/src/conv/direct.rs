@@ -163,16 +163,17 @@ impl Tile<'_> {
             for (i, window) in windows.iter_mut().enumerate() {
                 *window = &self.input[ky * self.row_step + i * self.pixel_step..][..self.row_len];
             }
-            add_products(simd, windows, self.row_len, weights, &mut sums);
+            add_products::<S, PIXELS, VECTORS, false>(simd, windows, self.row_len, weights, &mut sums);
         }
         sums
     }
 }
 
-/// The hot loop: adds the products of `len` values of each pixel with `weights` (`[len, VECTORS * LANES]`).
+/// The hot loop: adds the products of `len` values of each pixel with `weights` (`[len, VECTORS * LANES]`); on the way asks, if `AHEAD`, for
+/// what follows those weights.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
-pub(super) fn add_products<S: Simd, const PIXELS: usize, const VECTORS: usize>(
+pub(super) fn add_products<S: Simd, const PIXELS: usize, const VECTORS: usize, const AHEAD: bool>(
     simd: S,
     pixels: [&[f32]; PIXELS],
     len: usize,
@@ -183,6 +184,9 @@ pub(super) fn add_products<S: Simd, const PIXELS: usize, const VECTORS: usize>(
         let mut w = [simd.zero(); VECTORS];
         for v in 0..VECTORS {
             w[v] = simd.load(&weights[v * S::LANES..]);
+            if AHEAD {
+                simd.prefetch(&weights[v * S::LANES..], len * VECTORS * S::LANES);
+            }
         }
         for i in 0..PIXELS {
             let x = simd.splat(pixels[i][j]);

@@ -41,6 +41,7 @@ impl Simd for Avx2 {
     type F32 = __m256;
     const LANES: usize = 8;
     const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
+    const LONG_TILE: (usize, usize) = (2, 6);
 
     #[inline(always)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
@@ -108,6 +109,12 @@ impl Simd for Avx2 {
     fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
         // SAFETY: `self` proves FMA.
         unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+
+    #[inline(always)]
+    fn prefetch(self, src: &[f32], ahead: usize) {
+        // SAFETY: a prefetch has no effect that a program could see, whatever the address; every x86-64 has it.
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(src.as_ptr().wrapping_add(ahead).cast()) }
     }
 
     #[inline(always)]

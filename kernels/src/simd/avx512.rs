@@ -42,6 +42,7 @@ impl Simd for Avx512 {
     type F32 = __m512;
     const LANES: usize = 16;
     const TILE_PIXELS: [usize; 4] = [0, 9, 9, 9];
+    const LONG_TILE: (usize, usize) = (1, 26);
 
     #[inline(always)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
@@ -106,6 +107,12 @@ impl Simd for Avx512 {
     fn mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
         // SAFETY: `self` proves AVX-512 F.
         unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+
+    #[inline(always)]
+    fn prefetch(self, src: &[f32], ahead: usize) {
+        // SAFETY: a prefetch has no effect that a program could see, whatever the address; every x86-64 has it.
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(src.as_ptr().wrapping_add(ahead).cast()) }
     }
 
     #[inline(always)]

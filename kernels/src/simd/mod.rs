@@ -45,6 +45,10 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// accumulators, weights and one broadcast value just fit the register file (`[0]` is unused).
     const TILE_PIXELS: [usize; 4];
 
+    /// A register tile whose weights may be made in registers, too: vectors of output channels, and most pixels. Of one vector it uses
+    /// each weight as often as can be, but needs a load for every product, which few instruction sets have for nothing.
+    const LONG_TILE: (usize, usize);
+
     /// Runs `kernel` in a function of its own, which the compiler optimises by itself: for the stages of a larger kernel.
     fn call<K: Kernel>(self, kernel: K) -> K::Output;
 
@@ -78,6 +82,11 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
     /// The larger of each pair; `b` where `a` is NaN.
     fn max(self, a: Self::F32, b: Self::F32) -> Self::F32;
+
+    /// Asks for the cache line of the value that is `ahead` values behind the first of `src`, to have it in the second cache soon. Nothing
+    /// comes of it where there is no such instruction, or no such value.
+    #[inline(always)]
+    fn prefetch(self, _src: &[f32], _ahead: usize) {}
 
     /// All lanes 0.
     #[inline(always)]

@@ -14,6 +14,7 @@ impl Simd for Portable {
     type F32 = f32x4;
     const LANES: usize = 4;
     const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
+    const LONG_TILE: (usize, usize) = (2, 6);
 
     #[inline(never)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {

@@ -17,11 +17,12 @@ pub const MAX_KERNEL: usize = 6;
 /// Most pairs of points.
 const MAX_PAIRS: usize = 4;
 
-/// Powers of the pairs' positive points: `[pair][exponent]`.
-pub(super) const fn powers(points: usize) -> [[f32; MAX_KERNEL]; MAX_PAIRS] {
-    let mut powers = [[1.0; MAX_KERNEL]; MAX_PAIRS];
+/// Powers of the pairs' positive points times the pair's share: `[pair][exponent]`.
+const fn shared_powers(points: usize) -> [[f32; MAX_KERNEL]; MAX_PAIRS] {
+    let mut powers = [[0.0; MAX_KERNEL]; MAX_PAIRS];
     let mut pair = 0;
-    while pair < MAX_PAIRS {
+    while pair < (points - 2) / 2 {
+        powers[pair][0] = share(points, 1 + 2 * pair);
         let mut exponent = 1;
         while exponent < MAX_KERNEL {
             powers[pair][exponent] = powers[pair][exponent - 1] * pairs(points)[pair];
@@ -52,27 +53,44 @@ const fn product(points: usize, skip: usize) -> [f32; MAX_PAIRS + 1] {
     coefficients
 }
 
-/// Row `i` of `G`: the kernel's value at point `i`, divided by the product of its distances to the other finite points.
+/// Row `i` of `G`: the kernel's value at point `i`, by powers of the point; at infinity its last tap.
 pub fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; MAX_KERNEL] {
     let mut row = [0.0; MAX_KERNEL];
     if i == points - 1 {
         row[kernel - 1] = 1.0;
         return row;
     }
-    let value = |coefficients: [f32; MAX_PAIRS + 1], z: f64| {
-        coefficients.iter().rev().fold(0.0, |sum, c| sum * z + f64::from(*c))
-    };
-    let (point, distances) = match i {
-        0 => (0.0, value(product(points, MAX_PAIRS), 0.0)),
-        _ => {
-            let p = f64::from(pairs(points)[(i - 1) / 2]);
-            (if i % 2 == 1 { p } else { -p }, 2.0 * p * p * value(product(points, (i - 1) / 2), p * p))
-        }
-    };
     for (j, value) in row[..kernel].iter_mut().enumerate() {
-        *value = (point.powi(j as i32) / distances) as f32;
+        *value = point(points, i).powi(j as i32);
     }
     row
+}
+
+/// Point `i`; 0 for that at infinity.
+#[inline(always)]
+pub(super) fn point(points: usize, i: usize) -> f32 {
+    match i {
+        _ if i == 0 || i == points - 1 => 0.0,
+        _ if i % 2 == 1 => pairs(points)[(i - 1) / 2],
+        _ => -pairs(points)[(i - 1) / 2],
+    }
+}
+
+/// What the product at point `i` counts in the outputs: 1 by the product of its distances to the other finite points.
+pub const fn share(points: usize, i: usize) -> f32 {
+    if i == points - 1 {
+        return 1.0;
+    }
+    let pair = if i == 0 { MAX_PAIRS } else { (i - 1) / 2 };
+    let (coefficients, square) = (product(points, pair), if i == 0 { 0.0 } else { pairs(points)[pair] });
+    let square = square as f64 * square as f64;
+    let mut value = 0.0;
+    let mut power = MAX_PAIRS + 1;
+    while power > 0 {
+        power -= 1;
+        value = value * square + coefficients[power] as f64;
+    }
+    (1.0 / if i == 0 { value } else { 2.0 * square * value }) as f32
 }
 
 /// `G` for `A` points.
@@ -116,16 +134,16 @@ fn every_other<S: Simd, const A: usize>(
     sum
 }
 
-/// `A^T m` for one line of products: `y[j] = sum over points of point^j m`.
+/// `A^T m` for one line of products: `y[j] = sum over points of point^j m` times the point's share.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
 pub(super) fn output_values<S: Simd, const A: usize, const M: usize>(
     simd: S,
     m: &[S::F32; A],
 ) -> [S::F32; M] {
-    let (count, powers) = const { ((A - 2) / 2, powers(A)) };
+    let (count, powers) = const { ((A - 2) / 2, shared_powers(A)) };
     let mut y = [simd.zero(); M];
-    y[0] = m[0];
+    y[0] = simd.mul_add(simd.splat(const { share(A, 0) }), m[0], y[0]);
     y[M - 1] = simd.add(y[M - 1], m[A - 1]);
     for p in 0..count {
         let (even, odd) = (simd.add(m[1 + 2 * p], m[2 + 2 * p]), simd.sub(m[1 + 2 * p], m[2 + 2 * p]));

@@ -17,7 +17,7 @@ use crate::ops::map::Placement;
 use crate::{Compute, Tensor};
 use kernels::Size;
 use kernels::conv::ConvShape;
-use kernels::conv::winograd::{Lines, MAX_KERNEL, kernel_row, lines_len, pairs};
+use kernels::conv::winograd::{Lines, MAX_KERNEL, Steps, kernel_row, lines_len, pairs, share};
 use kernels::simd::{Kernel, Simd};
 
 /// Tiles of a strip: enough to make up for reading and writing all of `U'` once per strip.
@@ -215,9 +215,9 @@ impl AddImage<'_, '_> {
                 if strip.filled == STRIP_TILES {
                     strip.multiply(simd);
                 }
-                let (tile, step) = (strip.filled, Strip::input_step(strip.shape));
-                let v = &mut strip.inputs[tile * cin..];
-                lines.tile::<S, A>(simd, x, v, step);
+                let v = &mut strip.inputs[strip.filled * cin..];
+                let steps = Steps { point: Strip::input_step(strip.shape), vector: S::LANES };
+                lines.tile::<S, A>(simd, x, v, steps);
                 gradient_tile::<S, A, M>(simd, gradient, out_size, (y, x), strip);
                 strip.filled += 1;
             }
@@ -319,7 +319,7 @@ impl Finish<'_> {
         let (cin, cout) = (self.shape.in_channels, self.shape.out_channels);
         let mut g = [[0.0; MAX_KERNEL]; MAX_POINTS];
         for (i, row) in g.iter_mut().enumerate().take(A) {
-            *row = kernel_row(A, K, i);
+            *row = kernel_row(A, K, i).map(|value| value * share(A, i));
         }
         let point_step = cin * cout;
         let window = K * K * cin;

@@ -1,0 +1,408 @@
+//! Winograd's algorithm for 3x3 kernels on small maps, where `U` is made anew where it is used.
+//!
+//! `U` has 4 to 7 times as many values as the kernels, and a map of few tiles uses each of them only a few times: whoever reads them from
+//! memory waits for most of the time. So only kernels are read, a block of output channels at a time. For two rows of points, `q` and `-q`, they
+//! become lines (`G g`, three values each), which stay in the second cache. From these `U` is made at one point after the other, by two operations
+//! a value: in the register tile itself where that takes all tiles at once, or else in the first cache.
+//!
+//! ```text
+//! for each strip of tiles
+//!   V of all tiles
+//!   for each pair of rows of points
+//!     for each block of output channels
+//!       G g of both rows
+//!       for each of both
+//!         M of the row: for each point: U; for each group of tiles, sums in registers        <- the hot loop, in `Group`
+//!         M A of the row
+//!   A^T (M A), bias, floor
+//! ```
+//!
+//! Every thread does all of it for its own rows. That they all transform the same kernels costs less than if they shared `V`, one taking over from
+//! another's cache what it multiplies.
+
+use super::super::ConvShape;
+use super::points::point;
+use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
+use super::{LINE, Winograd, from_line, pack, rows_per_tile, step};
+use crate::simd::{Kernel, Line, Simd};
+use crate::{Isa, Size};
+
+/// Side of the kernels.
+pub(super) const KERNEL: usize = 3;
+
+/// Taps of one kernel.
+const TAPS: usize = KERNEL * KERNEL;
+
+/// Most tiles in a strip, unless one row has more.
+const STRIP_TILES: usize = 64;
+
+/// Kernels of one layer.
+#[derive(Clone, Debug)]
+pub(super) struct Weights {
+    lanes: usize, // of a vector
+    block: usize, // channels of a block
+    group: usize, // most tiles that are multiplied at a time
+    g: Vec<Line>, // [block][Cin][vectors of the block][k * k][LANES]
+}
+
+impl Weights {
+    /// From `[Cout, k, k, Cin]`.
+    pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32]) -> Weights {
+        let (lanes, (vectors, group)) = (isa.lanes(), isa.long_tile());
+        let block = vectors * lanes;
+        let blocks = std::iter::repeat_n(vectors, shape.out_channels.div_ceil(block));
+        Weights { lanes, block, group, g: pack(isa, shape, blocks, weights) }
+    }
+}
+
+/// Scratch space for a strip of tiles.
+struct Plan {
+    group: usize,     // tiles in a group; the last one has those left over
+    v_step: usize,    // from one point's V, [vector of Cin][tiles of the group][LANES], to the next one's
+    v_len: usize,     // of one group
+    half_step: usize, // from one row of points of M A, [tiles of the strip][vectors of the block][M][LANES], to the next
+    half_len: usize,  // of one block
+}
+
+impl Plan {
+    fn new(weights: &Weights, shape: &ConvShape, points: usize, tiles: usize) -> Plan {
+        let group = tiles.div_ceil(tiles.div_ceil(weights.group)); // equal ones instead of full ones and a small rest
+        let v_step = step(group * shape.in_channels.next_multiple_of(weights.lanes));
+        let half_step = step(tiles * rows_per_tile(shape, points) * weights.block);
+        Plan { group, v_step, v_len: points * points * v_step, half_step, half_len: points * half_step }
+    }
+}
+
+/// Most rows of tiles in a strip.
+fn strip_rows(across: usize) -> usize {
+    (STRIP_TILES / across).max(1)
+}
+
+/// Scratch values where a strip has at most so many tiles: for `B^T d` of a row of tiles, `G g` of two rows of points and one block, `U` of one
+/// point and block, `M` of one row and block, all of `M A`, and `V`.
+fn lens(weights: &Weights, shape: &ConvShape, points: usize, across: usize, tiles: usize) -> [usize; 6] {
+    let &Weights { lanes, block, group, .. } = weights;
+    let m = rows_per_tile(shape, points);
+    let lines_len = lines_len(points, (across - 1) * m + points, shape.in_channels);
+    let u_len = shape.in_channels * block;
+    let half_len = points * step(tiles * m * block) * shape.out_channels.div_ceil(block);
+    let groups = tiles.div_ceil(group);
+    // Groups differ by less than a tile from equal ones, and their steps by less than two lines from their values.
+    let v_step = (tiles + groups) * shape.in_channels.next_multiple_of(lanes) + groups * 2 * LINE;
+    [lines_len, 2 * KERNEL * u_len, u_len, tiles * points * block, half_len, points * points * v_step]
+}
+
+/// Scratch values per thread.
+pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> usize {
+    let m = rows_per_tile(shape, points);
+    let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
+    let tiles = across * down.min(strip_rows(across));
+    LINE + lens(weights, shape, points, across, tiles).iter().sum::<usize>()
+}
+
+/// Some rows of the output.
+pub(super) struct Rows<'a> {
+    pub conv: &'a Winograd<'a>,
+    pub weights: &'a Weights,
+    pub first_row: usize,       // that `out` starts at: a multiple of the tile's
+    pub out: &'a mut [f32],     // [rows, W', Cout]
+    pub scratch: &'a mut [f32], // of `scratch_len`
+}
+
+impl Kernel for Rows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        match self.conv.weights.points {
+            6 => self.run_sized::<S, 6, 4>(simd),
+            8 => self.run_sized::<S, 8, 6>(simd),
+            points => unreachable!("{points} points for a {KERNEL}x{KERNEL} kernel"),
+        }
+    }
+}
+
+impl Rows<'_> {
+    #[inline(always)]
+    fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
+        let Rows { conv, weights, first_row, out, scratch } = self;
+        let Winograd { bias, input, size, .. } = *conv;
+        let shape = &conv.weights.shape;
+        let (width, cout) = (shape.out_size(size).w, shape.out_channels);
+        let across = width.div_ceil(M);
+        let rows = (out.len() / (width * cout)).div_ceil(M);
+        let most = strip_rows(across).min(rows);
+        let [lines_len, g_len, u_len, m_len, half_len, _] = lens(weights, shape, A, across, most * across);
+        let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
+        let (kernel_lines, scratch) = scratch.split_at_mut(g_len);
+        let (u, scratch) = scratch.split_at_mut(u_len);
+        let (m, scratch) = scratch.split_at_mut(m_len);
+        let (half, v) = scratch.split_at_mut(half_len);
+        for (strip, out) in out.chunks_mut(most * M * width * cout).enumerate() {
+            let tiles = (out.len() / (width * cout)).div_ceil(M) * across;
+            let plan = &Plan::new(weights, shape, A, tiles);
+            let tiles = Tiles { across, range: 0..tiles };
+            simd.call(InputTiles::<_, A, M> {
+                input,
+                size,
+                channels: shape.in_channels,
+                first_row: first_row + strip * most * M,
+                tiles: tiles.clone(),
+                lines: &mut *lines,
+                v: &mut *v,
+                places: tiles
+                    .range
+                    .clone()
+                    .map(|tile| tile / plan.group * plan.v_len + tile % plan.group * S::LANES),
+                steps: Steps { point: plan.v_step, vector: plan.group * S::LANES },
+            });
+            let products = Products::<A, M> {
+                plan,
+                tiles: tiles.range.len(),
+                v: &*v,
+                g: bytemuck::cast_slice(&weights.g),
+                half,
+                kernel_lines,
+                u,
+                m,
+            };
+            products.run(simd);
+            let block = const { S::LONG_TILE.0 } * S::LANES;
+            let blocks = bias.chunks(block).zip(half.chunks_exact(plan.half_len));
+            for (i, (bias, half)) in blocks.enumerate() {
+                simd.call(OutputTiles::<A, M> {
+                    tiles: tiles.clone(),
+                    vectors: S::LONG_TILE.0,
+                    half,
+                    half_step: plan.half_step,
+                    bias,
+                    relu: shape.relu,
+                    out: &mut *out,
+                    width,
+                    channels: cout,
+                    first: i * block,
+                });
+            }
+        }
+    }
+}
+
+/// `M A` of a strip's tiles.
+struct Products<'a, const A: usize, const M: usize> {
+    plan: &'a Plan,
+    tiles: usize,
+    v: &'a [f32],
+    g: &'a [f32],
+    half: &'a mut [f32],
+    kernel_lines: &'a mut [f32], // room for two rows of G g of one block
+    u: &'a mut [f32],            // room for U of one point and block
+    m: &'a mut [f32],            // room for a row of M of one block
+}
+
+impl<const A: usize, const M: usize> Products<'_, A, M> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Products { plan, tiles, v, g, half, kernel_lines, u, m } = self;
+        let (plus, minus) = kernel_lines.split_at_mut(kernel_lines.len() / 2);
+        let m = &mut m[..tiles * A * const { S::LONG_TILE.0 } * S::LANES];
+        for pair in 0..A / 2 {
+            let rows = if pair == 0 { [0, A - 1] } else { [2 * pair - 1, 2 * pair] };
+            let blocks = g.chunks_exact(TAPS * u.len());
+            let next = blocks.clone().cycle().skip(1);
+            for ((g, next), half) in blocks.zip(next).zip(half.chunks_exact_mut(plan.half_len)) {
+                let point = (pair > 0).then(|| point(A, rows[0]));
+                simd.call(KernelLines { point, g, plus: &mut *plus, minus: &mut *minus });
+                let next = next.split_at(next.len() / LINE / 2 * LINE);
+                for ((i, lines), next) in rows.into_iter().zip([&*plus, &*minus]).zip([next.0, next.1]) {
+                    let v = &v[i * A * plan.v_step..];
+                    simd.call(Row::<A> { plan, tiles, v, lines, next, u: &mut *u, m: &mut *m });
+                    simd.call(HalfOutputs::<A, M> { m: &*m, half: &mut half[i * plan.half_step..] });
+                }
+            }
+        }
+    }
+}
+
+/// Two rows of `G g` of one block: at a point and at its negative, or else at 0 and at infinity.
+struct KernelLines<'a> {
+    point: Option<f32>,
+    g: &'a [f32],         // [Cin * vectors][k][k][LANES]
+    plus: &'a mut [f32],  // [Cin * vectors][k][LANES]
+    minus: &'a mut [f32], // likewise
+}
+
+impl Kernel for KernelLines<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let KernelLines { point, g, plus, minus } = self;
+        let step = const { KERNEL * S::LANES };
+        let kernels = g.chunks_exact(TAPS * S::LANES);
+        let kernels = kernels.zip(plus.chunks_exact_mut(step).zip(minus.chunks_exact_mut(step)));
+        let Some(point) = point else {
+            for (g, (plus, minus)) in kernels {
+                plus.copy_from_slice(&g[..step]);
+                minus.copy_from_slice(&g[(KERNEL - 1) * step..]);
+            }
+            return;
+        };
+        let [positive, negative, square] = [point, -point, point * point].map(|x| simd.splat(x));
+        for (g, (plus, minus)) in kernels {
+            for x in 0..KERNEL {
+                let tap = |y: usize| simd.load(&g[(y * KERNEL + x) * S::LANES..]);
+                let (even, odd) = (simd.mul_add(square, tap(2), tap(0)), tap(1));
+                simd.store(simd.mul_add(positive, odd, even), &mut plus[x * S::LANES..]);
+                simd.store(simd.mul_add(negative, odd, even), &mut minus[x * S::LANES..]);
+            }
+        }
+    }
+}
+
+/// A value of `U` at a finite point but 0, of whose first and second power there are vectors, from the three of a line.
+#[inline(always)]
+fn value<S: Simd>(simd: S, powers: [S::F32; KERNEL - 1], line: &[f32]) -> S::F32 {
+    let sum = simd.mul_add(powers[0], simd.load(&line[S::LANES..]), simd.load(line));
+    simd.mul_add(powers[1], simd.load(&line[2 * S::LANES..]), sum)
+}
+
+/// A row of `M` of one block: for each point and group of tiles `[tiles, Cin] x [Cin, vectors * LANES]`.
+struct Row<'a, const A: usize> {
+    plan: &'a Plan,
+    tiles: usize,     // of the strip
+    v: &'a [f32],     // of the row's first point and the first group
+    lines: &'a [f32], // the row's G g, [Cin * vectors][k][LANES]
+    next: &'a [f32],  // what will be read next
+    u: &'a mut [f32], // room for [Cin * vectors][LANES]
+    m: &'a mut [f32], // [tiles * vectors][A][LANES]
+}
+
+impl<const A: usize> Kernel for Row<'_, A> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Row { plan, tiles, v, lines, next, u, m } = self;
+        let (vectors, step) = const { (S::LONG_TILE.0, KERNEL * S::LANES) };
+        let channels = lines.len() / (vectors * step);
+        for j in 0..A {
+            let powers = [point(A, j), point(A, j) * point(A, j)];
+            let ends = j == 0 || j == A - 1;
+            let at_once = !ends && tiles <= plan.group;
+            if !at_once {
+                let values = lines.chunks_exact(step).zip(u.chunks_exact_mut(S::LANES));
+                if ends {
+                    let at = if j == 0 { 0 } else { (KERNEL - 1) * S::LANES };
+                    values.for_each(|(line, u)| u.copy_from_slice(&line[at..at + S::LANES]));
+                } else {
+                    let powers = powers.map(|power| simd.splat(power));
+                    values.for_each(|(line, u)| simd.store(value(simd, powers, line), u));
+                }
+            }
+            for first in (0..tiles).step_by(plan.group) {
+                let tiles = plan.group.min(tiles - first);
+                let v = &v[first / plan.group * plan.v_len + j * plan.v_step..][..plan.v_step];
+                let v_step = plan.group * S::LANES;
+                let ahead = if first == 0 { next.get(j * channels * LINE..) } else { None };
+                let (m, m_step) = (&mut m[(first * vectors * A + j) * S::LANES..], A * S::LANES);
+                if at_once {
+                    let weights = lines;
+                    simd.call(Group::<true> {
+                        channels,
+                        tiles,
+                        v,
+                        v_step,
+                        weights,
+                        powers,
+                        ahead,
+                        m,
+                        m_step,
+                    });
+                } else {
+                    let weights = &*u;
+                    simd.call(Group::<false> {
+                        channels,
+                        tiles,
+                        v,
+                        v_step,
+                        weights,
+                        powers,
+                        ahead,
+                        m,
+                        m_step,
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// One register tile: a point, a block, and the tiles of a group.
+struct Group<'a, const MADE: bool> {
+    channels: usize, // Cin
+    tiles: usize,
+    v: &'a [f32],              // [vector of Cin][tiles][LANES]
+    v_step: usize,             // from one vector of Cin to the next
+    weights: &'a [f32],        // [Cin * vectors]: U, or if it is to be made G g
+    powers: [f32; KERNEL - 1], // of the point, for that
+    ahead: Option<&'a [f32]>,  // to be asked for, a cache line per channel
+    m: &'a mut [f32],
+    m_step: usize, // from one vector of products to the next
+}
+
+impl<const MADE: bool> Kernel for Group<'_, MADE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        macro_rules! run {
+            ($($n:literal)*) => {
+                match (S::LONG_TILE.0, self.tiles) {
+                    $((1, $n) => self.run_sized::<S, 1, $n>(simd),
+                    (_, $n) => self.run_sized::<S, 2, $n>(simd),)*
+                    (_, tiles) => unreachable!("{tiles} tiles"),
+                }
+            };
+        }
+        run!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26)
+    }
+}
+
+impl<const MADE: bool> Group<'_, MADE> {
+    /// The hot loop.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn run_sized<S: Simd, const VECTORS: usize, const TILES: usize>(self, simd: S) {
+        if VECTORS != S::LONG_TILE.0 || TILES > S::LONG_TILE.1 {
+            unreachable!("another tile than the instruction set's");
+        }
+        let Group { channels, v, v_step, weights, powers, ahead, m, m_step, .. } = self;
+        let (ahead, ahead_step) = ahead.map_or((v, 0), |next| (next, LINE));
+        let powers = powers.map(|power| simd.splat(power));
+        let step = if MADE { KERNEL * S::LANES } else { S::LANES };
+        let mut weights = weights.chunks_exact(VECTORS * step);
+        let mut sums = [[simd.zero(); VECTORS]; TILES];
+        for (c, v) in (0..channels).step_by(S::LANES).zip(v.chunks(v_step)) {
+            let v = &v[..TILES * S::LANES];
+            for (lane, weights) in (0..S::LANES.min(channels - c)).zip(&mut weights) {
+                simd.prefetch(ahead, (c + lane) * ahead_step);
+                let mut u = [simd.zero(); VECTORS];
+                for k in 0..VECTORS {
+                    let weights = &weights[k * step..];
+                    u[k] = if MADE { value(simd, powers, weights) } else { simd.load(weights) };
+                }
+                for i in 0..TILES {
+                    let x = simd.splat(v[i * S::LANES + lane]);
+                    for k in 0..VECTORS {
+                        sums[i][k] = simd.mul_add(x, u[k], sums[i][k]);
+                    }
+                }
+            }
+        }
+        for i in 0..TILES {
+            for k in 0..VECTORS {
+                simd.store(sums[i][k], &mut m[(i * VECTORS + k) * m_step..]);
+            }
+        }
+    }
+}

@@ -1,0 +1,379 @@
+//! Winograd's algorithm where `U` is kept, and read.
+//!
+//! A thread takes its tiles a strip at a time, and does all three steps for it in its own scratch space, a row of points at a time: its part of
+//! `V` stays in the second cache while all output channels pass over it. A block's row of `M` is halfway to outputs as soon as it is
+//! multiplied, and never leaves the first cache:
+//!
+//! ```text
+//! for each strip of tiles
+//!   for each row of tiles: B^T d, then V of its tiles
+//!   for each row of points
+//!     for each block of 1..=3 channel vectors
+//!       M of the row: for each point and group of tiles, sums in registers    <- the direct path's hot loop, from `Groups`
+//!       M A of the row
+//!   A^T (M A), bias, floor
+//! ```
+//!
+//! `U` lies in the order in which it is read, and the next point's is asked for while one point's is multiplied: what comes from the third cache
+//! or from memory is there when it is needed.
+
+use super::super::ConvShape;
+use super::super::direct::{add_products, blocks};
+use super::points::{MAX_KERNEL, kernel_matrix};
+use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
+use super::{LINE, Winograd, from_line, pack, rows_per_tile, step};
+use crate::simd::{Kernel, Line, Simd};
+use crate::{Isa, Size};
+use std::ops::Range;
+
+/// Kernels of one layer.
+#[derive(Clone, Debug)]
+pub(super) struct Weights {
+    channels: usize, // Cout, in whole vectors
+    lanes: usize,    // of the widest block
+    group: usize,    // most tiles that are multiplied at a time
+    u: Vec<Line>,    // [row of points][block][a][Cin][vectors of the block * LANES]
+}
+
+impl Weights {
+    /// From `[Cout, k, k, Cin]`.
+    pub(super) fn new(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Weights {
+        let vectors = shape.out_channels.div_ceil(isa.lanes());
+        let taps = pack(isa, shape, blocks(vectors), weights);
+        let channels = vectors * isa.lanes();
+        let mut u = vec![Line::ZERO; (points * points * shape.in_channels * channels).div_ceil(LINE)];
+        let (taps, out) = (bytemuck::cast_slice(&taps), bytemuck::cast_slice_mut(&mut u));
+        isa.run(TransformKernels { shape, points, taps, out });
+        let widest = blocks(vectors).max().unwrap_or(0);
+        Weights { channels, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest), u }
+    }
+}
+
+/// `U = G g G^T` of all kernels.
+struct TransformKernels<'a> {
+    shape: &'a ConvShape,
+    points: usize,
+    taps: &'a [f32],    // as `pack` lays them
+    out: &'a mut [f32], // `Weights::u`
+}
+
+impl Kernel for TransformKernels<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        match (self.points, self.shape.kernel) {
+            (6, 5) => self.run_sized::<S, 6, 5>(simd),
+            (8, 5) => self.run_sized::<S, 8, 5>(simd),
+            (10, 5) => self.run_sized::<S, 10, 5>(simd),
+            (8, 6) => self.run_sized::<S, 8, 6>(simd),
+            (10, 6) => self.run_sized::<S, 10, 6>(simd),
+            (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
+        }
+    }
+}
+
+impl TransformKernels<'_> {
+    #[inline(always)]
+    fn run_sized<S: Simd, const A: usize, const K: usize>(self, simd: S) {
+        let g = &kernel_matrix(K);
+        let cin = self.shape.in_channels;
+        let vectors = self.shape.out_channels.div_ceil(S::LANES);
+        for (i, row) in self.out.chunks_exact_mut(A * cin * vectors * S::LANES).take(A).enumerate() {
+            let (mut from, mut to) = (self.taps, row);
+            for vectors in blocks(vectors) {
+                let step = cin * vectors * S::LANES;
+                let (taps, u);
+                (taps, from) = from.split_at(K * K * step);
+                (u, to) = to.split_at_mut(A * step);
+                simd.call(KernelRow::<A, K> { g, i, taps, u, u_step: step });
+            }
+        }
+    }
+}
+
+/// Row `i` of the points of `U = G g G^T` for one block.
+struct KernelRow<'a, const A: usize, const K: usize> {
+    g: &'a [[f32; MAX_KERNEL]; A],
+    i: usize,
+    taps: &'a [f32],  // [Cin * vectors][k * k][LANES]
+    u: &'a mut [f32], // A matrices [Cin, vectors * LANES]
+    u_step: usize,    // from one of them to the next
+}
+
+impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
+    type Output = ();
+
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the taps in registers
+    fn run<S: Simd>(self, simd: S) {
+        let KernelRow { g, i, taps, u, u_step } = self;
+        let row = &g[i];
+        for (n, taps) in taps.chunks_exact(K * K * S::LANES).enumerate() {
+            let mut line = [simd.zero(); K]; // of G g
+            for x in 0..K {
+                for y in 0..K {
+                    let tap = simd.load(&taps[(y * K + x) * S::LANES..]);
+                    line[x] = simd.mul_add(simd.splat(row[y]), tap, line[x]);
+                }
+            }
+            let mut points = [simd.zero(); A];
+            points[0] = simd.mul_add(simd.splat(g[0][0]), line[0], simd.zero());
+            for j in (1..A - 1).step_by(2) {
+                let (mut even, mut odd) = (simd.zero(), simd.zero()); // powers of the point, which comes with both signs
+                for x in 0..K {
+                    let sum = if x % 2 == 0 { &mut even } else { &mut odd };
+                    *sum = simd.mul_add(simd.splat(g[j][x]), line[x], *sum);
+                }
+                (points[j], points[j + 1]) = (simd.add(even, odd), simd.sub(even, odd));
+            }
+            points[A - 1] = line[K - 1];
+            for j in 0..A {
+                simd.store(points[j], &mut u[j * u_step + n * S::LANES..]);
+            }
+        }
+    }
+}
+
+/// Values of `V` and `M A` in a strip: so many, or this share of those of `U`. Smaller strips read `U` more often; of larger
+/// ones less is still in the caches when it is needed again.
+const STRIP_VALUES: usize = 256 << 10;
+const STRIP_SHARE: usize = 8;
+
+/// How a map is cut into tiles, and the scratch space for a strip of them.
+///
+/// `V` lies group by group (as many tiles as a register tile takes), in a group point by point: its transform, which
+/// touches all points of a tile, stays within few pages of memory.
+struct Plan {
+    across: usize,    // tiles in a row
+    strip: usize,     // most tiles in a strip
+    lines_len: usize, // B^T d of a row of tiles
+    group: usize,     // most tiles in a group
+    v_step: usize,    // from one point's V to the next one's, within a group
+    v_len: usize,     // from one group's V to the next one's
+    m_len: usize,     // a row of M
+    half_step: usize, // from one row of points of M A to the next
+}
+
+impl Plan {
+    fn new(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> Plan {
+        let Weights { channels, lanes, group, ref u } = *weights;
+        let m = rows_per_tile(shape, points);
+        let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
+        let values = points * (points * shape.in_channels + m * channels); // of V and M A, per tile
+        let most = STRIP_VALUES.max(u.len() * LINE / STRIP_SHARE) / values;
+        let strips = (across * down).div_ceil(most.max(group));
+        let strip = (across * down).div_ceil(strips);
+        let strip = if strips > 1 { strip.next_multiple_of(group) } else { strip };
+        let v_step = step(group * shape.in_channels);
+        Plan {
+            across,
+            strip,
+            lines_len: lines_len(points, (across - 1) * m + points, shape.in_channels),
+            group,
+            v_step,
+            v_len: points * points * v_step,
+            m_len: points * strip * lanes,
+            half_step: step(m * strip * channels),
+        }
+    }
+
+    /// Values on the way to `V`, of `V`, of a row of `M`, and of `M A`.
+    fn lens(&self, points: usize) -> [usize; 4] {
+        let groups = self.strip.div_ceil(self.group);
+        [self.lines_len, groups * self.v_len, self.m_len, points * self.half_step]
+    }
+}
+
+/// Some tiles, counted along the rows from a thread's first.
+struct Strip<'a> {
+    plan: &'a Plan,
+    tiles: Range<usize>,
+}
+
+impl Strip<'_> {
+    /// The groups as two runs of equal ones, the larger first: how many there are, and of how many tiles each.
+    #[inline(always)]
+    fn runs(&self) -> [(usize, usize); 2] {
+        let groups = self.tiles.len().div_ceil(self.plan.group);
+        let (tiles, larger) = (self.tiles.len() / groups, self.tiles.len() % groups);
+        [(larger, tiles + 1), (groups - larger, tiles)]
+    }
+
+    /// Where each tile's V begins.
+    #[inline(always)]
+    fn places(&self, cin: usize) -> impl Iterator<Item = usize> {
+        let v_len = self.plan.v_len;
+        let groups = self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
+        groups
+            .enumerate()
+            .flat_map(move |(group, tiles)| (0..tiles).map(move |tile| group * v_len + tile * cin))
+    }
+}
+
+/// Scratch values per thread.
+pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> usize {
+    LINE + Plan::new(weights, shape, points, out).lens(points).iter().sum::<usize>()
+}
+
+/// Some rows of the output.
+pub(super) struct Rows<'a> {
+    pub conv: &'a Winograd<'a>,
+    pub weights: &'a Weights,
+    pub first_row: usize,       // that `out` starts at: a multiple of the tile's
+    pub out: &'a mut [f32],     // [rows, W', Cout]
+    pub scratch: &'a mut [f32], // of `scratch_len`
+}
+
+impl Kernel for Rows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        match (self.conv.weights.points, self.conv.weights.shape.kernel) {
+            (6, 5) => self.run_sized::<S, 6, 5, 2>(simd),
+            (8, 5) => self.run_sized::<S, 8, 5, 4>(simd),
+            (10, 5) => self.run_sized::<S, 10, 5, 6>(simd),
+            (8, 6) => self.run_sized::<S, 8, 6, 3>(simd),
+            (10, 6) => self.run_sized::<S, 10, 6, 5>(simd),
+            (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
+        }
+    }
+}
+
+impl Rows<'_> {
+    #[inline(always)]
+    fn run_sized<S: Simd, const A: usize, const K: usize, const M: usize>(self, simd: S) {
+        let Rows { conv, weights, first_row, out, scratch } = self;
+        let Winograd { bias, input, size, .. } = *conv;
+        let ConvShape { in_channels: cin, out_channels: cout, relu, .. } = conv.weights.shape;
+        let width = size.w + 1 - K;
+        let plan = &Plan::new(weights, &conv.weights.shape, A, Size { h: size.h + 1 - K, w: width });
+        let [lines_len, v_len, m_len, _] = plan.lens(A);
+        let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
+        let (v, scratch) = scratch.split_at_mut(v_len);
+        let (m, half) = scratch.split_at_mut(m_len);
+        let u: &[f32] = bytemuck::cast_slice(&weights.u);
+        let all = (out.len() / (width * cout)).div_ceil(M) * plan.across;
+        for first_tile in (0..all).step_by(plan.strip) {
+            let strip = &Strip { plan, tiles: first_tile..all.min(first_tile + plan.strip) };
+            let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
+            simd.call(InputTiles::<_, A, M> {
+                input,
+                size,
+                channels: cin,
+                first_row,
+                tiles: tiles.clone(),
+                lines: &mut *lines,
+                v: &mut *v,
+                places: strip.places(cin),
+                steps: Steps { point: plan.v_step, vector: S::LANES },
+            });
+            let mut u = u;
+            for (i, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
+                let mut first = 0; // channel of the block
+                for vectors in blocks(cout.div_ceil(S::LANES)) {
+                    let lanes = vectors * S::LANES;
+                    let row;
+                    (row, u) = u.split_at(A * cin * lanes);
+                    let m = &mut m[..A * strip.tiles.len() * lanes];
+                    let v = &v[i * A * plan.v_step..];
+                    simd.call(Products::<A> { strip, vectors, v, u: row, m: &mut *m });
+                    let half = &mut half[M * strip.tiles.len() * first..];
+                    simd.call(HalfOutputs::<A, M> { m, half });
+                    first += lanes;
+                }
+            }
+            let mut first = 0;
+            for vectors in blocks(cout.div_ceil(S::LANES)) {
+                let lanes = vectors * S::LANES;
+                simd.call(OutputTiles::<A, M> {
+                    tiles: tiles.clone(),
+                    vectors,
+                    half: &half[M * strip.tiles.len() * first..],
+                    half_step: plan.half_step,
+                    bias: &bias[first..][..lanes.min(cout - first)],
+                    relu,
+                    out: &mut *out,
+                    width,
+                    channels: cout,
+                    first,
+                });
+                first += lanes;
+            }
+        }
+    }
+}
+
+/// `M = V U` of one row of points, one block and the tiles of a strip: for each point `[tiles, Cin] x [Cin, lanes]`.
+struct Products<'a, const A: usize> {
+    strip: &'a Strip<'a>,
+    vectors: usize,   // of the block
+    v: &'a [f32],     // of the row's first point and the first group
+    u: &'a [f32],     // A times [Cin, vectors * LANES]
+    m: &'a mut [f32], // [tiles * vectors][A][LANES]
+}
+
+impl<const A: usize> Kernel for Products<'_, A> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Products { strip, vectors, v, u, m } = self;
+        let Plan { v_step, v_len, .. } = *strip.plan;
+        for (j, u) in u.chunks_exact(u.len() / A).enumerate() {
+            let (v, m) = (&v[j * v_step..], &mut m[j * S::LANES..]);
+            let (mut groups, mut vs) = (0, 0); // done so far, and vectors of M
+            for (count, tiles) in strip.runs() {
+                if count > 0 {
+                    let m = &mut m[vs * A * S::LANES..];
+                    let some =
+                        Groups::<A> { count, v: &v[groups * v_len..], v_len, u, first: groups == 0, m };
+                    super::super::for_tile!(tiles, vectors, some.run, S, simd);
+                    (groups, vs) = (groups + count, vs + count * tiles * vectors);
+                }
+            }
+        }
+    }
+}
+
+/// The same for groups of the same size.
+struct Groups<'a, const A: usize> {
+    count: usize,
+    v: &'a [f32],
+    v_len: usize,
+    u: &'a [f32],
+    first: bool, // whether the next point's U is still to be asked for
+    m: &'a mut [f32],
+}
+
+impl<const A: usize> Groups<'_, A> {
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn run<S: Simd, const TILES: usize, const VECTORS: usize>(self, simd: S) {
+        if TILES > S::TILE_PIXELS[VECTORS] {
+            unreachable!("more than the registers hold");
+        }
+        let cin = self.u.len() / (VECTORS * S::LANES);
+        let step = A * S::LANES; // between the vectors of M
+        for group in 0..self.count {
+            let v = &self.v[group * self.v_len..][..TILES * cin];
+            let m = &mut self.m[group * TILES * VECTORS * step..][..(TILES * VECTORS - 1) * step + S::LANES];
+            let mut tiles = [&v[..0]; TILES];
+            for i in 0..TILES {
+                tiles[i] = &v[i * cin..][..cin];
+            }
+            let mut sums = [[simd.zero(); VECTORS]; TILES];
+            if group == 0 && self.first {
+                add_products::<S, TILES, VECTORS, true>(simd, tiles, cin, self.u, &mut sums);
+            } else {
+                add_products::<S, TILES, VECTORS, false>(simd, tiles, cin, self.u, &mut sums);
+            }
+            for i in 0..TILES {
+                for k in 0..VECTORS {
+                    simd.store(sums[i][k], &mut m[(i * VECTORS + k) * step..]);
+                }
+            }
+        }
+    }
+}
