@@ -11,8 +11,8 @@
 
 use crate::net::Network;
 use crate::scratch::Map;
-use kernels::Size;
 use kernels::filter::{FilterShape, adjoint, respond};
+use kernels::{Aligned, Size};
 
 /// Weight of the filter's own size.
 const RIDGE: f32 = 0.1;
@@ -35,8 +35,8 @@ pub(crate) struct OnlineFilter {
     shape: Option<FilterShape>, // none before the first look
     mean: Vec<f32>,             // [C]: of the first look's features
     scale: f32,                 // brings a window of features to a length of about 1
-    filter: Vec<f32>,           // [h, w, C]
-    features: Vec<f32>,         // [H, W, C]: the last look's, less the mean, scaled
+    filter: Aligned<f32>,       // [h, w, C]
+    features: Aligned<f32>,     // [H, W, C]: the last look's, less the mean, scaled
     response: Vec<f32>,         // [H', W']
     memory: Vec<Look>,
     solver: Solver,
@@ -46,19 +46,19 @@ pub(crate) struct OnlineFilter {
 /// One look and what the filter should have said about it.
 #[derive(Clone, Debug)]
 struct Look {
-    features: Vec<f32>, // [H, W, C]
-    label: Vec<f32>,    // [H', W']
-    weight: f32,        // in the sum of squares
+    features: Aligned<f32>, // [H, W, C]
+    label: Vec<f32>,        // [H', W']
+    weight: f32,            // in the sum of squares
 }
 
 /// What conjugate gradients need room for.
 #[derive(Clone, Debug, Default)]
 struct Solver {
-    response: Vec<f32>,  // [H', W']
-    rest: Vec<f32>,      // [h, w, C]: the normal equations' residual
-    direction: Vec<f32>, // [h, w, C]
-    image: Vec<f32>,     // [h, w, C]: of the direction
-    power: f32,          // the residual's square
+    response: Vec<f32>,      // [H', W']
+    rest: Aligned<f32>,      // [h, w, C]: the normal equations' residual
+    direction: Aligned<f32>, // [h, w, C]
+    image: Aligned<f32>,     // [h, w, C]: of the direction
+    power: f32,              // the residual's square
 }
 
 /// Where a target is, in cells of the response.
@@ -86,14 +86,18 @@ impl OnlineFilter {
         let out = shape.out_size().area();
         for values in [&mut self.filter, &mut self.solver.rest, &mut self.solver.direction] {
             values.clear();
-            values.resize(shape.filter_len(), 0.0);
+            values.resize(shape.filter_len());
         }
-        self.solver.image.resize(shape.filter_len(), 0.0);
+        self.solver.image.resize(shape.filter_len());
         self.solver.response.resize(out, 0.0);
-        self.memory.resize_with(MEMORY, || Look { features: Vec::new(), label: Vec::new(), weight: 0.0 });
+        self.memory.resize_with(MEMORY, || Look {
+            features: Aligned::default(),
+            label: Vec::new(),
+            weight: 0.0,
+        });
         for look in &mut self.memory {
             look.weight = 0.0;
-            look.features.resize(shape.size.area() * shape.channels, 0.0);
+            look.features.resize(shape.size.area() * shape.channels);
             look.label.resize(out, 0.0);
         }
         self.turn = 0;
@@ -167,7 +171,7 @@ impl OnlineFilter {
     }
 
     fn take(&mut self, map: &Map, shape: FilterShape) {
-        self.features.resize(map.values().len(), 0.0);
+        self.features.resize(map.values().len());
         let cells = self.features.chunks_exact_mut(shape.channels);
         for (to, from) in cells.zip(map.values().chunks_exact(shape.channels)) {
             for ((to, from), mean) in to.iter_mut().zip(from).zip(&self.mean) {
@@ -195,7 +199,7 @@ impl OnlineFilter {
         let OnlineFilter { filter, memory, solver, .. } = self;
         let Solver { response, rest, direction, power, .. } = solver;
         let error = |response: f32, label: f32| label - response;
-        rest.iter_mut().zip(&*filter).for_each(|(rest, f)| *rest = -RIDGE * f);
+        rest.iter_mut().zip(filter.iter()).for_each(|(rest, f)| *rest = -RIDGE * f);
         add_pass(network, shape, memory, filter, response, error, rest);
         direction.copy_from_slice(rest);
         *power = dot(rest, rest);
@@ -208,13 +212,13 @@ impl OnlineFilter {
         if *power < 1e-12 {
             return; // as good as it gets
         }
-        image.iter_mut().zip(&*direction).for_each(|(image, d)| *image = RIDGE * d);
+        image.iter_mut().zip(direction.iter()).for_each(|(image, d)| *image = RIDGE * d);
         add_pass(network, shape, memory, direction, response, |response, _| response, image);
         let length = *power / dot(direction, image);
-        filter.iter_mut().zip(&*direction).for_each(|(f, d)| *f += length * d);
-        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
+        filter.iter_mut().zip(direction.iter()).for_each(|(f, d)| *f += length * d);
+        rest.iter_mut().zip(image.iter()).for_each(|(rest, image)| *rest -= length * image);
         let next = dot(rest, rest);
-        direction.iter_mut().zip(&*rest).for_each(|(d, rest)| *d = rest + next / *power * *d);
+        direction.iter_mut().zip(rest.iter()).for_each(|(d, rest)| *d = rest + next / *power * *d);
         *power = next;
     }
 }

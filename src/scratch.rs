@@ -6,20 +6,20 @@ use crate::net::head::HeadMaps;
 use crate::net::neck::NeckMaps;
 use kernels::conv::{Algorithm, Conv, Input, Output, SLACK};
 use kernels::par::Threads;
-use kernels::{Isa, Size, pointwise, pool, xcorr};
+use kernels::{Aligned, Isa, Size, pointwise, pool, xcorr};
 
 /// One map of activations: `[size.h, size.w, channels]`.
 #[derive(Clone, Debug)]
 pub struct Map {
-    values: Vec<f32>,
-    bytes: Vec<u8>, // instead of `values`, where the next layer reads bytes
+    values: Aligned<f32>,
+    bytes: Aligned<u8>, // instead of `values`, where the next layer reads bytes
     size: Size,
     channels: usize,
 }
 
 impl Default for Map {
     fn default() -> Map {
-        Map { values: Vec::new(), bytes: Vec::new(), size: Size { h: 0, w: 0 }, channels: 0 }
+        Map { values: Aligned::default(), bytes: Aligned::default(), size: Size { h: 0, w: 0 }, channels: 0 }
     }
 }
 
@@ -68,7 +68,7 @@ impl Map {
     /// Takes a new shape; allocates only beyond the largest one so far.
     pub(crate) fn reshape(&mut self, size: Size, channels: usize) -> &mut [f32] {
         self.bytes.clear();
-        self.values.resize(size.area() * channels, 0.0);
+        self.values.resize(size.area() * channels);
         (self.size, self.channels) = (size, channels);
         &mut self.values
     }
@@ -77,7 +77,7 @@ impl Map {
     fn reshape_bytes(&mut self, size: Size, channels: usize) -> &mut [u8] {
         let len = size.area() * channels;
         self.values.clear();
-        self.bytes.resize(len + SLACK, 0);
+        self.bytes.resize(len + SLACK);
         (self.size, self.channels) = (size, channels);
         &mut self.bytes[..len]
     }
@@ -103,7 +103,7 @@ impl Map {
 #[derive(Debug)]
 pub(crate) struct Context {
     isa: Isa,
-    conv: Vec<f32>, // padding and patches of the convolution at work
+    conv: Aligned<f32>, // padding and patches of the convolution at work
 }
 
 impl Context {
@@ -136,7 +136,7 @@ impl Context {
 
     fn scratch(&mut self, len: usize) -> &mut [f32] {
         if self.conv.len() < len {
-            self.conv.resize(len, 0.0);
+            self.conv.resize(len);
         }
         &mut self.conv[..len]
     }
@@ -166,7 +166,7 @@ pub(crate) struct Scratch {
 impl Scratch {
     pub(crate) fn new(isa: Isa) -> Scratch {
         Scratch {
-            contexts: [(); 2].map(|()| Context { isa, conv: Vec::new() }),
+            contexts: [(); 2].map(|()| Context { isa, conv: Aligned::default() }),
             backbone: BackboneMaps::default(),
             encoded: DrMaps::default(),
             encoded_neck: Default::default(),

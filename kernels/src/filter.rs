@@ -112,42 +112,65 @@ impl Kernel for Respond<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let width = self.shape.out_size().w;
-        for y in 0..self.out.len() / width {
-            let mut x = 0;
-            while x < width {
-                x += match width - x {
-                    8.. => self.tile::<S, 8>(simd, y, x, width),
-                    4.. => self.tile::<S, 4>(simd, y, x, width),
-                    _ => self.tile::<S, 1>(simd, y, x, width),
-                };
-            }
+        if self.shape.filter.w.is_multiple_of(4) {
+            self.rows::<S, 4, 11, 7, 4>(simd);
+        } else {
+            self.rows::<S, 1, 8, 4, 1>(simd);
         }
     }
 }
 
 impl Respond<'_> {
-    /// Neighbouring values of row `y` of `out`, from `x` on: a vector of the filter is loaded once for all of them. Returns how
-    /// many they are.
+    /// All rows, `TAPS` of a row of the filter at a time: 8, 4 or 1 values depend on so many cells of the features at a time.
     #[inline(always)]
-    fn tile<S: Simd, const VALUES: usize>(&mut self, simd: S, y: usize, x: usize, width: usize) -> usize {
+    fn rows<S: Simd, const TAPS: usize, const CELLS_8: usize, const CELLS_4: usize, const CELLS_1: usize>(
+        &mut self,
+        simd: S,
+    ) {
+        let width = self.shape.out_size().w;
+        for y in 0..self.out.len() / width {
+            let mut x = 0;
+            while x < width {
+                x += match width - x {
+                    8.. if S::LANES == 16 => self.tile::<S, TAPS, 8, CELLS_8>(simd, y, x, width),
+                    4.. => self.tile::<S, TAPS, 4, CELLS_4>(simd, y, x, width),
+                    _ => self.tile::<S, TAPS, 1, CELLS_1>(simd, y, x, width),
+                };
+            }
+        }
+    }
+
+    /// Neighbouring values of row `y` of `out`, from `x` on: a vector of the features or of the filter is loaded once for all of them.
+    /// Returns how many they are.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the vectors in registers
+    fn tile<S: Simd, const TAPS: usize, const VALUES: usize, const CELLS: usize>(
+        &mut self,
+        simd: S,
+        y: usize,
+        x: usize,
+        width: usize,
+    ) -> usize {
         let FilterShape { filter, channels, .. } = self.shape;
-        let row_len = self.shape.row_len();
+        let load =
+            |from: &[f32]| if from.len() >= S::LANES { simd.load(from) } else { simd.load_partial(from) };
         let mut sums = [simd.zero(); VALUES];
         for u in 0..filter.h {
-            let row = self.shape.met(self.features, u, self.first_row + y, x);
-            let from = self.filter[u * row_len..][..row_len].chunks_exact(S::LANES);
-            let mut met: [_; VALUES] =
-                std::array::from_fn(|i| row[i * channels..][..row_len].chunks_exact(S::LANES));
-            let f = simd.load_partial(from.remainder());
-            for (sum, met) in sums.iter_mut().zip(&met) {
-                *sum = simd.mul_add(simd.load_partial(met.remainder()), f, *sum);
-            }
-            for f in from {
-                let f = simd.load(f);
-                for (sum, met) in sums.iter_mut().zip(&mut met) {
-                    let Some(met) = met.next() else { break };
-                    *sum = simd.mul_add(simd.load(met), f, *sum);
+            for v in (0..filter.w).step_by(TAPS) {
+                let met = &self.shape.met(self.features, u, self.first_row + y, x + v)[..CELLS * channels];
+                let taps = &self.filter[(u * filter.w + v) * channels..][..TAPS * channels];
+                for c in (0..channels).step_by(S::LANES) {
+                    let end = channels.min(c + S::LANES);
+                    let mut cells = [simd.zero(); CELLS];
+                    for i in 0..CELLS {
+                        cells[i] = load(&met[i * channels + c..i * channels + end]);
+                    }
+                    for t in 0..TAPS {
+                        let tap = load(&taps[t * channels + c..t * channels + end]);
+                        for i in 0..VALUES {
+                            sums[i] = simd.mul_add(cells[i + t], tap, sums[i]);
+                        }
+                    }
                 }
             }
         }
@@ -168,46 +191,79 @@ impl Kernel for Adjoint<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let (row_len, height) = (self.shape.row_len(), self.shape.out_size().h);
-        // A row of the features serves every row of the filter while it is in the nearest cache.
-        for from in self.first_row..self.shape.size.h {
-            for u in 0..self.out.len() / row_len {
-                let Some(y) = from.checked_sub(self.first_row + u).filter(|y| *y < height) else { continue };
-                let mut t = 0;
-                while t < row_len {
-                    t += match (row_len - t) / S::LANES {
-                        8.. => self.tile::<S, 8>(simd, u, y, t),
-                        1.. => self.tile::<S, 1>(simd, u, y, t),
-                        _ => self.rest(simd, u, y, t),
-                    };
-                }
+        let (height, last) = (self.shape.out_size().h, self.out.len() / self.shape.row_len());
+        for from in 0..self.shape.size.h {
+            // The rows of the filter that meet this row of the features: all of them while it is in the nearest cache.
+            let met = |u: usize| from.checked_sub(self.first_row + u).is_some_and(|y| y < height);
+            let mut u = (0..last).find(|u| met(*u)).unwrap_or(last);
+            let end = (u..last).take_while(|u| met(*u)).count() + u;
+            while u < end {
+                u += match end - u {
+                    4.. => self.rows::<S, 4>(simd, u, from),
+                    2.. => self.rows::<S, 2>(simd, u, from),
+                    _ => self.rows::<S, 1>(simd, u, from),
+                };
             }
         }
     }
 }
 
 impl Adjoint<'_> {
-    /// What row `y` of the response adds to neighbouring vectors of row `u` of `out`, from value `t` on: one of its values is
-    /// spread for all of them. Returns how many values they are.
+    /// What row `from` of the features adds to neighbouring rows of `out`, from `u` on. Returns how many they are.
     #[inline(always)]
-    fn tile<S: Simd, const VECTORS: usize>(&mut self, simd: S, u: usize, y: usize, t: usize) -> usize {
-        let FilterShape { channels, .. } = self.shape;
-        let width = self.shape.out_size().w;
-        let out = &mut self.out[u * self.shape.row_len() + t..][..VECTORS * S::LANES];
-        let mut sums = [simd.zero(); VECTORS];
-        for (sum, out) in sums.iter_mut().zip(out.chunks_exact(S::LANES)) {
-            *sum = simd.load(out);
+    fn rows<S: Simd, const ROWS: usize>(&mut self, simd: S, u: usize, from: usize) -> usize {
+        let row_len = self.shape.row_len();
+        let mut t = 0;
+        while t < row_len {
+            t += match (row_len - t) / S::LANES {
+                4.. if S::LANES == 16 => self.tile::<S, ROWS, 4>(simd, u, from, t),
+                2.. => self.tile::<S, ROWS, 2>(simd, u, from, t),
+                1.. => self.tile::<S, ROWS, 1>(simd, u, from, t),
+                _ => {
+                    (u..u + ROWS).map(|u| self.rest(simd, u, from - self.first_row - u, t)).max().unwrap_or(0)
+                }
+            };
         }
-        let met = &self.shape.met(self.features, self.first_row + u, y, 0)[t..];
-        let row = &self.response[y * width..][..width];
-        for (x, value) in row.iter().enumerate() {
-            let (met, value) = (&met[x * channels..][..VECTORS * S::LANES], simd.splat(*value));
-            for (sum, met) in sums.iter_mut().zip(met.chunks_exact(S::LANES)) {
-                *sum = simd.mul_add(simd.load(met), value, *sum);
+        ROWS
+    }
+
+    /// The same for neighbouring vectors of each, from value `t` on: a vector of the features is loaded once for all rows, a value of the
+    /// response spread once for all vectors. Returns how many values of a row they are.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn tile<S: Simd, const ROWS: usize, const VECTORS: usize>(
+        &mut self,
+        simd: S,
+        u: usize,
+        from: usize,
+        t: usize,
+    ) -> usize {
+        let FilterShape { size, channels, .. } = self.shape;
+        let (row_len, width) = (self.shape.row_len(), self.shape.out_size().w);
+        let met = &self.features[from * size.w * channels..][t..];
+        let mut values = [&self.response[..0]; ROWS];
+        for i in 0..ROWS {
+            values[i] = &self.response[(from - self.first_row - u - i) * width..][..width];
+        }
+        let mut sums = [[simd.zero(); VECTORS]; ROWS];
+        for x in 0..width {
+            let met = &met[x * channels..][..VECTORS * S::LANES];
+            let mut cells = [simd.zero(); VECTORS];
+            for k in 0..VECTORS {
+                cells[k] = simd.load(&met[k * S::LANES..]);
+            }
+            for i in 0..ROWS {
+                let value = simd.splat(values[i][x]);
+                for k in 0..VECTORS {
+                    sums[i][k] = simd.mul_add(cells[k], value, sums[i][k]);
+                }
             }
         }
-        for (sum, out) in sums.into_iter().zip(out.chunks_exact_mut(S::LANES)) {
-            simd.store(sum, out);
+        for i in 0..ROWS {
+            let out = &mut self.out[(u + i) * row_len + t..][..VECTORS * S::LANES];
+            for (k, out) in out.chunks_exact_mut(S::LANES).enumerate() {
+                simd.store(simd.add(simd.load(out), sums[i][k]), out);
+            }
         }
         VECTORS * S::LANES
     }

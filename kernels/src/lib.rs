@@ -22,6 +22,7 @@
 
 #![deny(unsafe_code)]
 
+pub mod aligned;
 pub mod conv;
 pub mod filter;
 pub mod gemm;
@@ -35,6 +36,7 @@ pub mod resample;
 pub mod simd;
 pub mod xcorr;
 
+pub use aligned::Aligned;
 pub use isa::{Isa, IsaError};
 
 /// Height and width of a map, in pixels.

@@ -14,12 +14,12 @@
 
 use super::ConvShape;
 use crate::simd::{Kernel, Simd};
-use crate::{Isa, Size};
+use crate::{Aligned, Isa, Size};
 
 /// Weights as the tiles read them: `[block][k * k * Cin][vectors of the block * LANES]`, zeros behind the last channel.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
-    data: Vec<f32>,
+    data: Aligned<f32>,
 }
 
 /// Channel vectors of each block: twos, and a three at the end instead of a lone one.
@@ -37,7 +37,7 @@ impl Weights {
     pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32]) -> Weights {
         let mut data = Vec::new();
         pack(isa, shape.out_channels, shape.window(), weights, &mut data);
-        Weights { data }
+        Weights { data: data.as_slice().into() }
     }
 }
 

@@ -14,7 +14,7 @@ use super::ConvShape;
 use super::direct::blocks;
 use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, Simd};
-use crate::{Isa, Size};
+use crate::{Aligned, Isa, Size};
 
 /// Bytes that must follow the input, because windows are read four bytes at a time.
 pub const SLACK: usize = 3;
@@ -22,7 +22,7 @@ pub const SLACK: usize = 3;
 /// Weights as the tiles read them: `[block][kernel row][quads of a row][vectors of the block * LANES]`.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
-    quads: Vec<[i8; 4]>,
+    quads: Aligned<[i8; 4]>,
     start: Vec<i32>, // of the sums, `[Cout]` and zeros up to whole vectors
     scale: Vec<f32>, // of the sums, `[Cout]`
     pub input: Quantization,
@@ -59,7 +59,8 @@ impl Weights {
             }
             first = channels.end;
         }
-        Weights { quads, start, scale: rounded.iter().map(|(_, s)| s * input.scale).collect(), input }
+        let scale = rounded.iter().map(|(_, scale)| scale * input.scale).collect();
+        Weights { quads: quads.as_slice().into(), start, scale, input }
     }
 }
 

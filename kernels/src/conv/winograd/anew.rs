@@ -24,8 +24,8 @@ use super::super::ConvShape;
 use super::points::point;
 use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
 use super::{LINE, Winograd, from_line, pack, rows_per_tile, step};
-use crate::simd::{Kernel, Line, Simd};
-use crate::{Isa, Size};
+use crate::simd::{Kernel, Simd};
+use crate::{Aligned, Isa, Size};
 
 /// Side of the kernels.
 pub(super) const KERNEL: usize = 3;
@@ -39,10 +39,10 @@ const STRIP_TILES: usize = 64;
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
-    lanes: usize, // of a vector
-    block: usize, // channels of a block
-    group: usize, // most tiles that are multiplied at a time
-    g: Vec<Line>, // [block][Cin][vectors of the block][k * k][LANES]
+    lanes: usize,    // of a vector
+    block: usize,    // channels of a block
+    group: usize,    // most tiles that are multiplied at a time
+    g: Aligned<f32>, // [block][Cin][vectors of the block][k * k][LANES]
 }
 
 impl Weights {
@@ -160,7 +160,7 @@ impl Rows<'_> {
                 plan,
                 tiles: tiles.range.len(),
                 v: &*v,
-                g: bytemuck::cast_slice(&weights.g),
+                g: &weights.g,
                 half,
                 kernel_lines,
                 u,

@@ -22,8 +22,8 @@ use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix};
 use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
 use super::{LINE, Winograd, from_line, pack, rows_per_tile, step};
-use crate::simd::{Kernel, Line, Simd};
-use crate::{Isa, Size};
+use crate::simd::{Kernel, Simd};
+use crate::{Aligned, Isa, Size};
 use std::ops::Range;
 
 /// Kernels of one layer.
@@ -32,7 +32,7 @@ pub(super) struct Weights {
     channels: usize, // Cout, in whole vectors
     lanes: usize,    // of the widest block
     group: usize,    // most tiles that are multiplied at a time
-    u: Vec<Line>,    // [row of points][block][a][Cin][vectors of the block * LANES]
+    u: Aligned<f32>, // [row of points][block][a][Cin][vectors of the block * LANES]
 }
 
 impl Weights {
@@ -41,9 +41,8 @@ impl Weights {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
         let taps = pack(isa, shape, blocks(vectors), weights);
         let channels = vectors * isa.lanes();
-        let mut u = vec![Line::ZERO; (points * points * shape.in_channels * channels).div_ceil(LINE)];
-        let (taps, out) = (bytemuck::cast_slice(&taps), bytemuck::cast_slice_mut(&mut u));
-        isa.run(TransformKernels { shape, points, taps, out });
+        let mut u = Aligned::zeros(points * points * shape.in_channels * channels);
+        isa.run(TransformKernels { shape, points, taps: &taps, out: &mut u });
         let widest = blocks(vectors).max().unwrap_or(0);
         Weights { channels, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest), u }
     }
@@ -161,7 +160,7 @@ impl Plan {
         let m = rows_per_tile(shape, points);
         let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
         let values = points * (points * shape.in_channels + m * channels); // of V and M A, per tile
-        let most = STRIP_VALUES.max(u.len() * LINE / STRIP_SHARE) / values;
+        let most = STRIP_VALUES.max(u.len() / STRIP_SHARE) / values;
         let strips = (across * down).div_ceil(most.max(group));
         let strip = (across * down).div_ceil(strips);
         let strip = if strips > 1 { strip.next_multiple_of(group) } else { strip };
@@ -253,7 +252,7 @@ impl Rows<'_> {
         let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
         let (v, scratch) = scratch.split_at_mut(v_len);
         let (m, half) = scratch.split_at_mut(m_len);
-        let u: &[f32] = bytemuck::cast_slice(&weights.u);
+        let u = &*weights.u;
         let all = (out.len() / (width * cout)).div_ceil(M) * plan.across;
         for first_tile in (0..all).step_by(plan.strip) {
             let strip = &Strip { plan, tiles: first_tile..all.min(first_tile + plan.strip) };

@@ -32,8 +32,7 @@ mod transforms;
 
 use super::{ConvShape, fold};
 use crate::par::Threads;
-use crate::simd::Line;
-use crate::{Isa, Size};
+use crate::{Aligned, Isa, Size};
 pub use points::{MAX_KERNEL, kernel_row, pairs, share};
 pub use transforms::{Lines, Steps, lines_len};
 
@@ -125,8 +124,8 @@ pub(super) fn rows_per_tile(shape: &ConvShape, points: usize) -> usize {
     points + 1 - shape.kernel
 }
 
-/// `[Cout, k, k, Cin]` as `[block][Cin][vectors of the block][k * k][LANES]` from the start of a cache line on, zeros behind the last channel.
-fn pack(isa: Isa, shape: &ConvShape, blocks: impl Iterator<Item = usize>, weights: &[f32]) -> Vec<Line> {
+/// `[Cout, k, k, Cin]` as `[block][Cin][vectors of the block][k * k][LANES]`, zeros behind the last channel.
+fn pack(isa: Isa, shape: &ConvShape, blocks: impl Iterator<Item = usize>, weights: &[f32]) -> Aligned<f32> {
     let (lanes, taps, cin) = (isa.lanes(), shape.kernel * shape.kernel, shape.in_channels);
     let vectors = shape.out_channels.div_ceil(lanes);
     let mut packed = Vec::with_capacity(vectors * lanes * shape.window());
@@ -143,13 +142,11 @@ fn pack(isa: Isa, shape: &ConvShape, blocks: impl Iterator<Item = usize>, weight
         }
         first += width;
     }
-    let mut lines = vec![Line::ZERO; packed.len().div_ceil(LINE)];
-    bytemuck::cast_slice_mut(&mut lines)[..packed.len()].copy_from_slice(&packed);
-    lines
+    packed.as_slice().into()
 }
 
 /// Values in a cache line.
-const LINE: usize = size_of::<Line>() / size_of::<f32>();
+const LINE: usize = 16;
 
 /// From the start of one run of `values` to that of the next: one cache line more than needed, lest the runs' lines fall on each other in the
 /// cache.
@@ -161,6 +158,6 @@ fn step(values: usize) -> usize {
 /// `scratch` from the start of a cache line on, so that no vector lies across two: up to a line less of it.
 #[inline(always)]
 fn from_line(scratch: &mut [f32]) -> &mut [f32] {
-    let start = scratch.as_ptr().align_offset(align_of::<Line>()).min(LINE);
+    let start = scratch.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
     &mut scratch[start..]
 }
