@@ -85,16 +85,27 @@ fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> (f32, f32) {
     (precision, (0..21).map(success).sum::<f32>() / 21.0)
 }
 
-/// How many points of AUC one sequence counts for where int8 is held against `f32`. The last bit of a score may send a box another way at a
-/// crossroads, which changes a sequence by up to ten points, up as well as down.
+/// How many points one sequence counts for where int8 is held against `f32`. At a crossroads the last bit of a score sends a box another way:
+/// DragonBaby, for one, is found again or is not, which is 44 points of precision, up as well as down.
 const CROSSROADS: f32 = 3.0;
 
 /// Results of one model.
 struct Accuracy {
     /// Precision@20 and AUC in percent: over all sequences, and over those whose videos were not trained on.
     means: [f32; 4],
-    /// AUC of each sequence.
-    aucs: Vec<f32>,
+    /// Precision@20 and AUC of each sequence.
+    each: Vec<[f32; 2]>,
+}
+
+impl Accuracy {
+    /// How much less another one is, on the mean over the sequences.
+    fn lost(&self, other: &Accuracy) -> [f32; 2] {
+        std::array::from_fn(|i| {
+            let lost =
+                self.each.iter().zip(&other.each).map(|(a, b)| (a[i] - b[i]).clamp(-CROSSROADS, CROSSROADS));
+            lost.sum::<f32>() / self.each.len() as f32
+        })
+    }
 }
 
 #[test]
@@ -109,14 +120,9 @@ fn accuracy_of_the_built_in_models() {
         for (found, expected) in f32.means.into_iter().zip(expected) {
             assert!(found >= expected - 1.5, "{name}: found {found:.1}, expected at least {expected} - 1.5");
         }
-        for (int8, f32) in int8.means.into_iter().zip(f32.means) {
-            assert!(int8 >= f32 - 1.0, "{name}: int8 gives {int8:.1}, f32 {f32:.1}");
-        }
-        let lost =
-            f32.aucs.iter().zip(&int8.aucs).map(|(f32, int8)| (f32 - int8).clamp(-CROSSROADS, CROSSROADS));
-        let lost = lost.sum::<f32>() / f32.aucs.len() as f32;
-        println!("{name}: int8 loses {lost:.2} points of AUC");
-        assert!(lost <= 0.5, "{name}: int8 loses {lost:.2} points of AUC");
+        let lost = f32.lost(&int8);
+        println!("{name}: int8 loses {:.2} points of precision, {:.2} of AUC", lost[0], lost[1]);
+        assert!(lost.into_iter().all(|lost| lost <= 0.5), "{name}: int8 loses {lost:?}");
     }
 }
 
@@ -156,7 +162,7 @@ fn accuracy<const MODELS: usize>(
         };
         let (all, clean) = (mean(|_| true), mean(|trained| !trained));
         println!("all {:.1} / {:.1}, dev-clean {:.1} / {:.1}", all[0], all[1], clean[0], clean[1]);
-        let aucs = results.iter().map(|(_, result)| 100.0 * result[i].1).collect();
-        Accuracy { means: [all[0], all[1], clean[0], clean[1]], aucs }
+        let each = results.iter().map(|(_, result)| [100.0 * result[i].0, 100.0 * result[i].1]).collect();
+        Accuracy { means: [all[0], all[1], clean[0], clean[1]], each }
     })
 }
