@@ -43,7 +43,7 @@ use sweep::Sweep;
 
 pub use candidates::{Candidate, MAX_CANDIDATES};
 pub use evidence::{COUNT as EVIDENCE_COUNT, Evidence, NAMES as EVIDENCE_NAMES};
-pub use options::{Budget, Conduct, FlightOptions, FlightTrack, State};
+pub use options::{BELIEVED, Budget, Conduct, FlightOptions, FlightTrack, State};
 pub use presence::{NOTE as PRESENCE_NOTE, Presence, PresenceError, Weighing};
 
 /// Follows one object and says whether it is there.

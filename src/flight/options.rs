@@ -116,3 +116,14 @@ pub struct FlightTrack {
     /// Searches made for this frame.
     pub searches: u32,
 }
+
+/// Presence from which on a box is worth acting on: at this threshold few boxes on the target are given away (docs/flight.md). Presence is
+/// a little low in its middle, where a target has just been found again.
+pub const BELIEVED: f32 = 0.4;
+
+impl FlightTrack {
+    /// Whether the box is worth acting on: the target is seen, and its presence at least [`BELIEVED`].
+    pub fn is_believed(&self) -> bool {
+        self.state.is_seen() && self.presence >= BELIEVED
+    }
+}

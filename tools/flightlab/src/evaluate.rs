@@ -122,7 +122,7 @@ fn moment(
         on: is_on(&track.bbox, truth),
         presence: f64::from(track.presence),
         state: track.state,
-        believed: track.state.is_seen() && track.presence >= 0.5,
+        believed: track.is_believed(),
         other: iou < OFF && truth.distractors.iter().map(bbox).any(|b| on_other(&b)),
         outside: !within,
         crossed: within && truth.distractors.iter().map(bbox).any(|b| b.iou(&target) > 0.0),

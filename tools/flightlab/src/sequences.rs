@@ -88,7 +88,7 @@ fn track(
             }
             _ => {
                 let track = tracker.update(&frame, Budget::Searches(searches))?;
-                let believed = track.state.is_seen() && track.presence >= 0.5;
+                let believed = track.is_believed();
                 (track.bbox, f64::from(track.presence), believed)
             }
         });
