@@ -30,9 +30,10 @@ impl<T: Pod> Aligned<T> {
     /// Becomes `len` values, zeros behind those that were there; allocates only beyond the most so far.
     pub fn resize(&mut self, len: usize) {
         let before = std::mem::replace(&mut self.len, len);
+        let there = self.lines.len() * size_of::<Line>() / size_of::<T>(); // values, those beyond the last one stale
         self.lines.resize((len * size_of::<T>()).div_ceil(size_of::<Line>()), Line::ZERO);
-        if let Some(new) = self.get_mut(before..) {
-            new.fill(T::zeroed());
+        if let Some(stale) = self.get_mut(before..there.min(len)) {
+            stale.fill(T::zeroed());
         }
     }
 

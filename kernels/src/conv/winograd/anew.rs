@@ -12,7 +12,7 @@
 //!     for each block of output channels
 //!       G g of both rows
 //!       for each of both
-//!         M of the row: for each point: U; for each group of tiles, sums in registers        <- the hot loop, in `Group`
+//!         M of the row: for each point: U; for each group of tiles, sums in registers        <- the hot loop, in `Tile`
 //!         M A of the row
 //!   A^T (M A), bias, floor
 //! ```
@@ -23,7 +23,7 @@
 use super::super::ConvShape;
 use super::points::point;
 use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
-use super::{LINE, Winograd, from_line, pack, rows_per_tile, step};
+use super::{LINE, Rows, Winograd, from_line, pack, rows_per_tile, step};
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
 
@@ -100,16 +100,7 @@ pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, o
     LINE + lens(weights, shape, points, across, tiles).iter().sum::<usize>()
 }
 
-/// Some rows of the output.
-pub(super) struct Rows<'a> {
-    pub conv: &'a Winograd<'a>,
-    pub weights: &'a Weights,
-    pub first_row: usize,       // that `out` starts at: a multiple of the tile's
-    pub out: &'a mut [f32],     // [rows, W', Cout]
-    pub scratch: &'a mut [f32], // of `scratch_len`
-}
-
-impl Kernel for Rows<'_> {
+impl Kernel for Rows<'_, Weights> {
     type Output = ();
 
     #[inline(always)]
@@ -122,7 +113,7 @@ impl Kernel for Rows<'_> {
     }
 }
 
-impl Rows<'_> {
+impl Rows<'_, Weights> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
         let Rows { conv, weights, first_row, out, scratch } = self;
@@ -300,45 +291,25 @@ impl<const A: usize> Kernel for Row<'_, A> {
                 }
             }
             for first in (0..tiles).step_by(plan.group) {
-                let tiles = plan.group.min(tiles - first);
-                let v = &v[first / plan.group * plan.v_len + j * plan.v_step..][..plan.v_step];
-                let v_step = plan.group * S::LANES;
-                let ahead = if first == 0 { next.get(j * channels * LINE..) } else { None };
-                let (m, m_step) = (&mut m[(first * vectors * A + j) * S::LANES..], A * S::LANES);
-                if at_once {
-                    let weights = lines;
-                    simd.call(Group::<true> {
-                        channels,
-                        tiles,
-                        v,
-                        v_step,
-                        weights,
-                        powers,
-                        ahead,
-                        m,
-                        m_step,
-                    });
-                } else {
-                    let weights = &*u;
-                    simd.call(Group::<false> {
-                        channels,
-                        tiles,
-                        v,
-                        v_step,
-                        weights,
-                        powers,
-                        ahead,
-                        m,
-                        m_step,
-                    });
-                }
+                let group = Group {
+                    channels,
+                    tiles: plan.group.min(tiles - first),
+                    v: &v[first / plan.group * plan.v_len + j * plan.v_step..][..plan.v_step],
+                    v_step: plan.group * S::LANES,
+                    weights: if at_once { lines } else { &*u },
+                    powers,
+                    ahead: if first == 0 { next.get(j * channels * LINE..) } else { None },
+                    m: &mut m[(first * vectors * A + j) * S::LANES..],
+                    m_step: A * S::LANES,
+                };
+                if at_once { simd.call(Tile::<true>(group)) } else { simd.call(Tile::<false>(group)) }
             }
         }
     }
 }
 
-/// One register tile: a point, a block, and the tiles of a group.
-struct Group<'a, const MADE: bool> {
+/// A point, a block, and the tiles of a group.
+struct Group<'a> {
     channels: usize, // Cin
     tiles: usize,
     v: &'a [f32],              // [vector of Cin][tiles][LANES]
@@ -350,14 +321,17 @@ struct Group<'a, const MADE: bool> {
     m_step: usize, // from one vector of products to the next
 }
 
-impl<const MADE: bool> Kernel for Group<'_, MADE> {
+/// One register tile, in which U is `MADE` or not.
+struct Tile<'a, const MADE: bool>(Group<'a>);
+
+impl<const MADE: bool> Kernel for Tile<'_, MADE> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         macro_rules! run {
             ($($n:literal)*) => {
-                match (S::LONG_TILE.0, self.tiles) {
+                match (S::LONG_TILE.0, self.0.tiles) {
                     $((1, $n) => self.run_sized::<S, 1, $n>(simd),
                     (_, $n) => self.run_sized::<S, 2, $n>(simd),)*
                     (_, tiles) => unreachable!("{tiles} tiles"),
@@ -368,7 +342,7 @@ impl<const MADE: bool> Kernel for Group<'_, MADE> {
     }
 }
 
-impl<const MADE: bool> Group<'_, MADE> {
+impl<const MADE: bool> Tile<'_, MADE> {
     /// The hot loop.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
@@ -376,7 +350,7 @@ impl<const MADE: bool> Group<'_, MADE> {
         if VECTORS != S::LONG_TILE.0 || TILES > S::LONG_TILE.1 {
             unreachable!("another tile than the instruction set's");
         }
-        let Group { channels, v, v_step, weights, powers, ahead, m, m_step, .. } = self;
+        let Group { channels, v, v_step, weights, powers, ahead, m, m_step, .. } = self.0;
         let (ahead, ahead_step) = ahead.map_or((v, 0), |next| (next, LINE));
         let powers = powers.map(|power| simd.splat(power));
         let step = if MADE { KERNEL * S::LANES } else { S::LANES };

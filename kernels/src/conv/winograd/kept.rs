@@ -21,7 +21,7 @@ use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix};
 use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
-use super::{LINE, Winograd, from_line, pack, rows_per_tile, step};
+use super::{LINE, Rows, Winograd, from_line, pack, rows_per_tile, step};
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
 use std::ops::Range;
@@ -85,7 +85,7 @@ impl TransformKernels<'_> {
                 let (taps, u);
                 (taps, from) = from.split_at(K * K * step);
                 (u, to) = to.split_at_mut(A * step);
-                simd.call(KernelRow::<A, K> { g, i, taps, u, u_step: step });
+                simd.call(KernelRow::<A, K> { g, i, taps, u });
             }
         }
     }
@@ -97,7 +97,6 @@ struct KernelRow<'a, const A: usize, const K: usize> {
     i: usize,
     taps: &'a [f32],  // [Cin * vectors][k * k][LANES]
     u: &'a mut [f32], // A matrices [Cin, vectors * LANES]
-    u_step: usize,    // from one of them to the next
 }
 
 impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
@@ -106,8 +105,8 @@ impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the taps in registers
     fn run<S: Simd>(self, simd: S) {
-        let KernelRow { g, i, taps, u, u_step } = self;
-        let row = &g[i];
+        let KernelRow { g, i, taps, u } = self;
+        let (row, u_step) = (&g[i], u.len() / A);
         for (n, taps) in taps.chunks_exact(K * K * S::LANES).enumerate() {
             let mut line = [simd.zero(); K]; // of G g
             for x in 0..K {
@@ -117,7 +116,7 @@ impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
                 }
             }
             let mut points = [simd.zero(); A];
-            points[0] = simd.mul_add(simd.splat(g[0][0]), line[0], simd.zero());
+            points[0] = line[0];
             for j in (1..A - 1).step_by(2) {
                 let (mut even, mut odd) = (simd.zero(), simd.zero()); // powers of the point, which comes with both signs
                 for x in 0..K {
@@ -215,16 +214,7 @@ pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, o
     LINE + Plan::new(weights, shape, points, out).lens(points).iter().sum::<usize>()
 }
 
-/// Some rows of the output.
-pub(super) struct Rows<'a> {
-    pub conv: &'a Winograd<'a>,
-    pub weights: &'a Weights,
-    pub first_row: usize,       // that `out` starts at: a multiple of the tile's
-    pub out: &'a mut [f32],     // [rows, W', Cout]
-    pub scratch: &'a mut [f32], // of `scratch_len`
-}
-
-impl Kernel for Rows<'_> {
+impl Kernel for Rows<'_, Weights> {
     type Output = ();
 
     #[inline(always)]
@@ -240,7 +230,7 @@ impl Kernel for Rows<'_> {
     }
 }
 
-impl Rows<'_> {
+impl Rows<'_, Weights> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const K: usize, const M: usize>(self, simd: S) {
         let Rows { conv, weights, first_row, out, scratch } = self;

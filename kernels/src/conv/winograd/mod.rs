@@ -32,6 +32,7 @@ mod transforms;
 
 use super::{ConvShape, fold};
 use crate::par::Threads;
+use crate::simd::Line;
 use crate::{Aligned, Isa, Size};
 pub use points::{MAX_KERNEL, kernel_row, pairs, share};
 pub use transforms::{Lines, Steps, lines_len};
@@ -110,13 +111,22 @@ impl Winograd<'_> {
         let unit = rows_per_tile(&shape, points);
         threads.split_rows_with(out, row_len, unit, scratch, |first_row, out, scratch| match kernels {
             Kernels::Kept(weights) => {
-                self.isa.run(kept::Rows { conv: self, weights, first_row, out, scratch });
+                self.isa.run(Rows { conv: self, weights, first_row, out, scratch });
             }
             Kernels::Anew(weights) => {
-                self.isa.run(anew::Rows { conv: self, weights, first_row, out, scratch });
+                self.isa.run(Rows { conv: self, weights, first_row, out, scratch });
             }
         });
     }
+}
+
+/// Some rows of the output, with the kernels laid out for one way or the other.
+struct Rows<'a, W> {
+    conv: &'a Winograd<'a>,
+    weights: &'a W,
+    first_row: usize,       // that `out` starts at: a multiple of the tile's
+    out: &'a mut [f32],     // [rows, W', Cout]
+    scratch: &'a mut [f32], // of one thread
 }
 
 /// Output rows of one row of tiles.
@@ -146,7 +156,7 @@ fn pack(isa: Isa, shape: &ConvShape, blocks: impl Iterator<Item = usize>, weight
 }
 
 /// Values in a cache line.
-const LINE: usize = 16;
+const LINE: usize = size_of::<Line>() / size_of::<f32>();
 
 /// From the start of one run of `values` to that of the next: one cache line more than needed, lest the runs' lines fall on each other in the
 /// cache.
@@ -158,6 +168,6 @@ fn step(values: usize) -> usize {
 /// `scratch` from the start of a cache line on, so that no vector lies across two: up to a line less of it.
 #[inline(always)]
 fn from_line(scratch: &mut [f32]) -> &mut [f32] {
-    let start = scratch.as_ptr().align_offset(LINE * size_of::<f32>()).min(LINE);
+    let start = scratch.as_ptr().align_offset(align_of::<Line>()).min(LINE);
     &mut scratch[start..]
 }

@@ -1,4 +1,4 @@
-//! The transforms: of a strip's input tiles, of the kernels, and of the products to outputs.
+//! The transforms of input tiles, and of products to outputs.
 
 use super::points::{input_points, output_values};
 use super::step;
