@@ -3,7 +3,7 @@
 #![cfg(feature = "cli")]
 
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
-use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTrack, FlightTracker};
+use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTrack, FlightTracker, Presence, Weighing};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, State, TrackError, Tracker};
 
 const WIDTH: usize = 320;
@@ -115,6 +115,23 @@ fn a_target_that_vanishes_is_lost_and_found_again() {
     let expected = frames[1..].iter().map(|data| paper.update(&frame(data)).unwrap().bbox).last().unwrap();
     let end = back[59];
     assert!(end.bbox.iou(&expected) > 0.5 && end.presence > 0.5, "{end:?}, expected near {expected:?}");
+}
+
+/// However it looks, its presence is such that the box is neither believed nor surely wrong.
+#[test]
+fn what_is_doubted_for_long_is_given_up() {
+    let (frames, first) = flight(20);
+    let model = Model::builtin(Isa::detect());
+    let options = FlightOptions::new(&model);
+    let doubtful = Weighing { bias: -1.0, weights: [0.0; track_cpu::flight::EVIDENCE_COUNT] };
+    let presence = Presence { look: doubtful, again: doubtful, memory: 0.0, gain: 1.0, shift: 0.0 };
+    let mut tracker = FlightTracker::with_presence(model, options, presence);
+    tracker.init(&frame(&frames[0]), first).unwrap();
+    let tracks: Vec<FlightTrack> = frames[1..].iter().map(|data| follow(&mut tracker, data, 1)).collect();
+    let given_up = tracks.iter().position(|track| track.state == State::Coasting);
+    assert_eq!(given_up, Some(2 * options.patience as usize - 1), "{tracks:?}");
+    let doubted = &tracks[..2 * options.patience as usize - 1];
+    assert!(doubted.iter().all(|t| t.state == State::LowConfidence && !t.is_believed()), "{doubted:?}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The best places of a score map, one per object.
 
-use crate::bbox::BBox;
+use crate::bbox::{BBox, CenterBox};
 use crate::net::Outputs;
 use crate::select::{Choice, Selector};
 
@@ -20,24 +20,50 @@ pub struct Candidate {
     pub similarity: f32,
 }
 
-/// The chosen cell and then the best cells of other objects, by falling score; boxes in crop pixels, similarity 0.
-pub(crate) fn find(outputs: &Outputs, selector: &Selector, choice: &Choice, found: &mut Vec<Candidate>) {
+/// The best cell of one object in the score map.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Peak {
+    /// Row-major index of the cell.
+    pub cell: usize,
+    /// Its box in crop pixels.
+    pub bbox: CenterBox,
+    /// Score times centerness.
+    pub score: f64,
+    /// What the online filter says there; 0 without one.
+    pub response: f64,
+}
+
+/// The chosen cell and then the best cells of other objects, by falling score.
+pub(crate) fn find(
+    outputs: &Outputs,
+    selector: &Selector,
+    response: &[f32],
+    choice: &Choice,
+    found: &mut Vec<Peak>,
+) {
     let n = selector.side();
     found.clear();
-    found.push(Candidate { bbox: choice.bbox.corner(), score: choice.score as f32, similarity: 0.0 });
+    found.push(Peak {
+        cell: choice.index,
+        bbox: choice.bbox,
+        score: choice.score,
+        response: choice.response,
+    });
     while found.len() < MAX_CANDIDATES {
-        let mut best: Option<Candidate> = None;
-        for (index, (&score, ltrb)) in outputs.score.iter().zip(outputs.ltrb.chunks_exact(4)).enumerate() {
+        let mut best: Option<Peak> = None;
+        for (cell, (&score, ltrb)) in outputs.score.iter().zip(outputs.ltrb.chunks_exact(4)).enumerate() {
+            let score = f64::from(score);
             if !score.is_finite() || best.is_some_and(|b| b.score >= score) {
                 continue;
             }
-            let bbox = selector.decode(index / n, index % n, ltrb).corner();
-            if bbox.is_finite() && found.iter().all(|f| f.bbox.iou(&bbox) < SAME_OBJECT) {
-                best = Some(Candidate { bbox, score, similarity: 0.0 });
+            let bbox = selector.decode(cell / n, cell % n, ltrb);
+            let corner = bbox.corner();
+            if corner.is_finite() && found.iter().all(|f| f.bbox.corner().iou(&corner) < SAME_OBJECT) {
+                best = Some(Peak { cell, bbox, score, response: 0.0 });
             }
         }
         let Some(best) = best else { break };
-        found.push(best);
+        found.push(Peak { response: selector.response_at(&best.bbox, response), ..best });
     }
 }
 
@@ -57,12 +83,12 @@ mod tests {
         let config = TrackConfig { window_influence: 0.0, ..TrackConfig::default() };
         let choice = selector.choose(&outputs, &[], [25.0; 2], &config).unwrap();
         let mut found = Vec::new();
-        find(&outputs, &selector, &choice, &mut found);
-        let scores: Vec<f32> = found.iter().map(|c| c.score).collect();
-        assert_eq!(scores[..3], [0.9, 0.7, 0.5]);
+        find(&outputs, &selector, &[], &choice, &mut found);
+        let scores: Vec<f64> = found.iter().map(|c| c.score).collect();
+        assert!(scores.iter().zip([0.9, 0.7, 0.5]).all(|(score, expected)| (score - expected).abs() < 1e-6));
         assert_eq!(found.len(), MAX_CANDIDATES);
         outputs.score = vec![f32::NAN; 289];
-        find(&outputs, &selector, &choice, &mut found);
+        find(&outputs, &selector, &[], &choice, &mut found);
         assert_eq!(found.len(), 1);
     }
 }

@@ -1,6 +1,7 @@
 //! The target's colours: where a frame has them, and how far what was found has them.
 //!
-//! Two histograms, of the target's colours and of the whole view's. A place is as promising as the mean of their log ratio in a
+//! A colour is red's and blue's share of the light, which stay alike in sun and shade, and brightness, in few steps. Two histograms, of the
+//! target's colours and of the whole view's. A place is as promising as the mean of their log ratio in a
 //! box of the target's size there (the Bayes classifier of colours that Bertinetto et al., "Staple", CVPR 2016, section 3.3, track with):
 //! that says in which order places are looked at. What is found there is compared with the target by the Bhattacharyya coefficient of their
 //! histograms (Comaniciu, Ramesh, Meer, "Kernel-based object tracking", PAMI 2003, section 3.2): the network hardly sees colours, which tell
@@ -9,11 +10,15 @@
 use crate::bbox::CenterBox;
 use crate::frame::Frame;
 
-/// Levels per channel.
-const LEVELS: usize = 16;
-const COLOURS: usize = LEVELS * LEVELS * LEVELS;
+/// Levels of red's share, of blue's, and of brightness.
+const LEVELS: [usize; 3] = [12, 12, 3];
+const COLOURS: usize = LEVELS[0] * LEVELS[1] * LEVELS[2];
+/// How much more or less than its third of the light a channel has at its last and first level.
+const VIVID: f32 = 0.2;
+/// Added to every channel: what is almost black has no colour.
+const DARK: f32 = 7.0;
 /// Samples per axis of the target,
-const TARGET_SAMPLES: (usize, usize) = (24, 24);
+const TARGET_SAMPLES: (usize, usize) = (16, 16);
 /// and of the view.
 const VIEW_SAMPLES: (usize, usize) = (64, 36);
 /// Cells of the map along the target's side, and most cells in all.
@@ -22,7 +27,7 @@ const MOST_CELLS: f64 = 65536.0;
 /// Share of a new observation in the histograms.
 const LEARNING: f32 = 0.05;
 /// Share that every colour is taken to have at least.
-const LEAST: f32 = 2e-4;
+const LEAST: f32 = 2e-3;
 /// Share of the target's box that is looked at: its corners mostly show something else.
 const INNER: f32 = 0.8;
 
@@ -122,7 +127,7 @@ impl Colours {
         for row in 0..rows {
             let mut line = 0.0;
             for column in 0..columns {
-                let colour = colour_at(frame, column * step + step / 2, row * step + step / 2);
+                let colour = nearest(colour_at(frame, column * step + step / 2, row * step + step / 2));
                 line += f64::from(self.heat[colour]);
                 self.sums[(row + 1) * (columns + 1) + column + 1] =
                     self.sums[row * (columns + 1) + column + 1] + line;
@@ -137,7 +142,8 @@ fn inner(bbox: &CenterBox) -> (f32, f32, f32, f32) {
     (bbox.cx - 0.5 * w, bbox.cy - 0.5 * h, w, h)
 }
 
-/// Adds the colours of a region (left, top, width, height) to a histogram, `rate` in all.
+/// Adds the colours of a region (left, top, width, height) to a histogram, `rate` in all. Each is shared out to the levels around it, so that a
+/// little more or less light changes little.
 fn count(
     frame: &Frame<'_>,
     (left, top, width, height): (f32, f32, f32, f32),
@@ -150,16 +156,34 @@ fn count(
         let y = top + height * (row as f32 + 0.5) / rows as f32;
         for column in 0..columns {
             let x = left + width * (column as f32 + 0.5) / columns as f32;
-            histogram[colour_at(frame, x.max(0.0) as usize, y.max(0.0) as usize)] += share;
+            let colour = colour_at(frame, x.max(0.0) as usize, y.max(0.0) as usize);
+            for corner in 0..8 {
+                let (mut index, mut part) = (0, share);
+                for (axis, (level, levels)) in colour.into_iter().zip(LEVELS).enumerate() {
+                    let up = corner >> axis & 1;
+                    part *= if up == 1 { level.fract() } else { 1.0 - level.fract() };
+                    index = index * levels + (level as usize + up).min(levels - 1);
+                }
+                histogram[index] += part;
+            }
         }
     }
 }
 
-/// Index of the colour of the pixel there, or of the nearest one.
-fn colour_at(frame: &Frame<'_>, x: usize, y: usize) -> usize {
+/// Index of the levels nearest to a colour.
+fn nearest(colour: [f32; 3]) -> usize {
+    colour.into_iter().zip(LEVELS).fold(0, |index, (level, levels)| index * levels + (level + 0.5) as usize)
+}
+
+/// The colour of the pixel there, or of the nearest one, in levels, `0.0..=levels - 1`.
+fn colour_at(frame: &Frame<'_>, x: usize, y: usize) -> [f32; 3] {
     let (offsets, step) = (frame.order().bgr_offsets(), frame.order().bytes_per_pixel());
     let pixel = &frame.row(y.min(frame.height() - 1))[x.min(frame.width() - 1) * step..];
-    offsets.iter().fold(0, |index, &offset| LEVELS * index + usize::from(pixel[offset]) * LEVELS / 256)
+    let [blue, green, red] = offsets.map(|offset| f32::from(pixel[offset]) + DARK);
+    let light = blue + green + red;
+    let vivid = |channel: f32| (channel / light - 1.0 / 3.0) / VIVID * 0.5 + 0.5;
+    let shares = [vivid(red), vivid(blue), light / (3.0 * (255.0 + DARK))];
+    std::array::from_fn(|i| (shares[i] * LEVELS[i] as f32 - 0.5).clamp(0.0, LEVELS[i] as f32 - 1.0))
 }
 
 #[cfg(test)]
@@ -203,6 +227,29 @@ mod tests {
         colours.clear();
         assert_eq!(colours.likeness(&frame, &size), 0.0);
         assert_eq!(colours.hottest(&frame, &size, |_, _| true), None);
+    }
+
+    #[test]
+    fn colours_stay_themselves_in_the_shade() {
+        let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
+        let sunny = picture((30, 20), (100, 20));
+        let shady: Vec<u8> = sunny.iter().map(|channel| (f32::from(*channel) * 0.6) as u8).collect();
+        let mut colours = Colours::default();
+        colours.learn(&Frame::new(&sunny, 160, 90, ChannelOrder::Rgb).unwrap(), &size, 1.0);
+        let shady = Frame::new(&shady, 160, 90, ChannelOrder::Rgb).unwrap();
+        let [target, ground] =
+            [size, CenterBox { cx: 80.0, cy: 60.0, ..size }].map(|place| colours.likeness(&shady, &place));
+        assert!(target > 0.6 && ground < 0.1, "{target} {ground}");
+    }
+
+    #[test]
+    fn grey_pictures_have_brightness_left() {
+        let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
+        let mut colours = Colours::default();
+        let halves: Vec<u8> = (0..160 * 90).map(|i| if i % 160 < 80 { 40 } else { 220 }).collect();
+        let frame = Frame::new(&halves, 160, 90, ChannelOrder::Gray).unwrap();
+        colours.learn(&frame, &size, 1.0);
+        assert!(colours.likeness(&frame, &CenterBox { cx: 120.0, ..size }) < 0.3);
     }
 
     #[test]

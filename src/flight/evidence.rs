@@ -1,10 +1,10 @@
 //! What speaks for and against a chosen box: numbers from the response, the identity-related features and the motion.
 
-use super::candidates::{self, Candidate, MAX_CANDIDATES};
+use super::candidates::{self, Candidate, MAX_CANDIDATES, Peak};
 use crate::bbox::{BBox, CenterBox};
 use crate::net::Network;
 use crate::scratch::Map;
-use crate::select::{Choice, Selector};
+use crate::select::Selector;
 use crate::tracker::Seen;
 
 /// Pieces of evidence.
@@ -15,7 +15,7 @@ pub const COUNT: usize = 15;
 /// | name | meaning |
 /// |---|---|
 /// | `score` | log-odds of the chosen cell's score |
-/// | `second` | best score of another object over the chosen one's |
+/// | `second` | best score of another object over this one's, at most 1 |
 /// | `sharpness` | logarithm of the average peak-to-correlation energy |
 /// | `agreement` | mean IoU of the neighbouring cells' boxes with the chosen one |
 /// | `identity` | cosine of the identity-related features with the template's, both less the region's mean |
@@ -47,6 +47,15 @@ pub const NAMES: [&str; COUNT] = [
     "colours",
 ];
 
+/// Where some of them are.
+const SCORE: usize = 0;
+const SECOND: usize = 1;
+const IDENTITY: usize = 4;
+const MARGIN: usize = 7;
+const RESPONSE: usize = 12;
+const CONTRAST: usize = 13;
+const COLOURS: usize = 14;
+
 /// What speaks for and against a box; every number is finite and of moderate size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
@@ -57,11 +66,11 @@ pub struct Evidence {
 impl Evidence {
     /// How far the box has the target's colours, in `[0, 1]`.
     pub(crate) fn colours(&self) -> f64 {
-        self.values[COUNT - 1]
+        self.values[COLOURS]
     }
 }
 
-/// A chosen box in frame pixels with its evidence.
+/// A box in frame pixels with its evidence.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finding {
     pub bbox: CenterBox,
@@ -76,9 +85,13 @@ pub(crate) struct Witness {
     window: Vec<f32>,               // features at the chosen box, less the mean
     familiar: Vec<f32>,             // running mean of good windows; empty before the first
     usual: Option<(f64, f64)>,      // running means of `score` and `identity`
-    pub candidates: Vec<Candidate>, // of the last search, best first
+    peaks: Vec<Peak>,               // of the last search, the chosen one first, the others by falling score,
+    pub candidates: Vec<Candidate>, // the same in frame pixels,
+    pub findings: Vec<Finding>,     // and what speaks for those that are worth it
 }
 
+/// Score from which on a candidate that was not chosen is worth judging.
+const SLIGHT: f64 = 0.02;
 /// Share of a new observation in the running means.
 const LEARNING: f32 = 0.05;
 
@@ -88,10 +101,11 @@ impl Witness {
         self.familiar.clear();
         self.usual = None;
         self.candidates.clear();
+        self.findings.clear();
     }
 
-    /// Judges the choice of the last search; `None` if it chose nothing. Asked for by the chosen box in frame pixels: its `motion`, which is its
-    /// distance from where it was expected, and its `colours`.
+    /// Judges the choice of the last search, and the other candidates; returns what speaks for the choice, `None` if there is none. Asked
+    /// for by a box in frame pixels: its `motion`, which is its distance from where it was expected, and its `colours`.
     pub(crate) fn judge(
         &mut self,
         network: &Network,
@@ -99,55 +113,75 @@ impl Witness {
         response: &[f32],
         seen: &Seen,
         motion: impl Fn(&CenterBox) -> f64,
-        colours: impl FnOnce(&CenterBox) -> f64,
+        mut colours: impl FnMut(&CenterBox) -> f64,
     ) -> Option<Finding> {
         self.candidates.clear();
+        self.findings.clear();
         let choice = seen.choice?;
         let outputs = network.outputs();
         let (template, search) = network.identity();
         search.channel_means(&mut self.mean);
         let view = View { seen, selector };
+        let sharpness = sharpness(&outputs.score);
 
-        candidates::find(outputs, selector, &choice, &mut self.candidates);
-        let mut candidates = std::mem::take(&mut self.candidates);
-        let mut rival_response = 0.0f64;
-        for (i, candidate) in candidates.iter_mut().enumerate() {
-            let crop_box = candidate.bbox.center();
-            if i > 0 {
-                rival_response = rival_response.max(selector.response_at(&crop_box, response));
+        candidates::find(outputs, selector, response, &choice, &mut self.peaks);
+        let peaks = std::mem::take(&mut self.peaks);
+        // The chosen one last, so that `window` holds its features.
+        for peak in peaks.iter().rev() {
+            let (identity, likeness) = self.similarity(template, search, selector, &peak.bbox);
+            let bbox = view.in_frame(&peak.bbox);
+            let (score, similarity) = (peak.score as f32, identity as f32);
+            self.candidates.push(Candidate { bbox: bbox.corner(), score, similarity });
+            if peak.cell != choice.index && peak.score < SLIGHT {
+                continue;
             }
-            candidate.similarity = self.similarity(template, search, selector, &crop_box).0 as f32;
-            candidate.bbox = view.in_frame(&crop_box).corner();
+            let familiar =
+                if self.familiar.is_empty() { identity } else { cosine(&self.familiar, &self.window) };
+            let score = log_odds(peak.score);
+            let (usual_score, usual_identity) = self.usual.unwrap_or((score, identity));
+            let values = [
+                score,
+                0.0, // `second`, `margin` and `contrast` follow, when all are known
+                sharpness,
+                agreement(outputs, selector, peak),
+                identity,
+                likeness,
+                familiar,
+                0.0,
+                shape(&peak.bbox, seen),
+                (score - usual_score).clamp(-6.0, 6.0),
+                identity - usual_identity,
+                motion(&bbox).min(20.0).ln_1p(),
+                peak.response.clamp(0.0, 1.0),
+                0.0,
+                colours(&bbox),
+            ];
+            self.findings.push(Finding { bbox, score: peak.score as f32, evidence: Evidence { values } });
         }
-        self.candidates = candidates;
-        // Last, so that `window` holds the chosen box's features.
-        let (identity, likeness) = self.similarity(template, search, selector, &choice.bbox);
-        let bbox = view.in_frame(&choice.bbox);
+        self.peaks = peaks;
+        self.candidates.reverse();
+        self.findings.reverse();
+        self.compare();
+        self.findings.first().copied()
+    }
 
-        let others = self.candidates.get(1..).unwrap_or_default();
-        let second = others.iter().map(|c| f64::from(c.score)).fold(0.0, f64::max) / choice.score.max(1e-6);
-        let rival = others.iter().map(|c| f64::from(c.similarity)).fold(0.0, f64::max);
-        let score = log_odds(choice.score);
-        let (usual_score, usual_identity) = self.usual.unwrap_or((score, identity));
-        let values = [
-            score,
-            second.min(1.0),
-            sharpness(&outputs.score),
-            agreement(outputs, selector, &choice),
-            identity,
-            likeness,
-            if self.familiar.is_empty() { identity } else { cosine(&self.familiar, &self.window) },
-            identity - rival,
-            shape(&choice, seen),
-            (score - usual_score).clamp(-6.0, 6.0),
-            identity - usual_identity,
-            motion(&bbox).min(20.0).ln_1p(),
-            choice.response.clamp(0.0, 1.0),
-            choice.response.clamp(0.0, 1.0) - rival_response.min(1.0),
-            colours(&bbox),
-        ];
-        let evidence = Evidence { values: values.map(|v| if v.is_finite() { v } else { 0.0 }) };
-        Some(Finding { bbox, score: choice.score as f32, evidence })
+    /// Fills in what each finding's evidence says of the other candidates. Findings are the first of the candidates: those left out score least.
+    fn compare(&mut self) {
+        let (peaks, candidates) = (&self.peaks, &self.candidates);
+        for (i, finding) in self.findings.iter_mut().enumerate() {
+            let others = peaks.iter().zip(candidates).enumerate().filter(|(other, _)| *other != i);
+            let [mut score, mut identity, mut response] = [0.0f64; 3]; // the others' best
+            for (_, (peak, candidate)) in others {
+                score = score.max(peak.score);
+                identity = identity.max(candidate.similarity.into());
+                response = response.max(peak.response);
+            }
+            let values = &mut finding.evidence.values;
+            values[SECOND] = (score / peaks[i].score.max(1e-6)).min(1.0);
+            values[MARGIN] = values[IDENTITY] - identity;
+            values[CONTRAST] = values[RESPONSE] - response.min(1.0);
+            values.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+        }
     }
 
     /// Takes the last judged box for the target as it looks now, as far as `presence` says so.
@@ -159,7 +193,7 @@ impl Witness {
         for (old, new) in self.familiar.iter_mut().zip(&self.window) {
             *old += rate * (new - *old);
         }
-        let (score, identity) = (evidence.values[0], evidence.values[4]);
+        let (score, identity) = (evidence.values[SCORE], evidence.values[IDENTITY]);
         let (usual_score, usual_identity) = self.usual.get_or_insert((score, identity));
         *usual_score += f64::from(rate) * (score - *usual_score);
         *usual_identity += f64::from(rate) * (identity - *usual_identity);
@@ -270,11 +304,11 @@ fn sharpness(scores: &[f32]) -> f64 {
     (range * range / f64::from(energy).max(1e-12)).max(1.0).ln()
 }
 
-/// Mean IoU of the boxes of the eight cells around the chosen one with its own.
-fn agreement(outputs: &crate::net::Outputs, selector: &Selector, choice: &Choice) -> f64 {
+/// Mean IoU of the boxes of the eight cells around a peak with its own.
+fn agreement(outputs: &crate::net::Outputs, selector: &Selector, peak: &Peak) -> f64 {
     let n = selector.side();
-    let (row, column) = (choice.index / n, choice.index % n);
-    let chosen = choice.bbox.corner();
+    let (row, column) = (peak.cell / n, peak.cell % n);
+    let chosen = peak.bbox.corner();
     let (mut sum, mut count) = (0.0, 0.0);
     for y in row.saturating_sub(1)..=(row + 1).min(n - 1) {
         for x in column.saturating_sub(1)..=(column + 1).min(n - 1) {
@@ -289,9 +323,9 @@ fn agreement(outputs: &crate::net::Outputs, selector: &Selector, choice: &Choice
 }
 
 /// `ln` of the change of size times the change of aspect, 0 for none.
-fn shape(choice: &Choice, seen: &Seen) -> f64 {
+fn shape(bbox: &CenterBox, seen: &Seen) -> f64 {
     let ratio = |new: f32, old: f32| f64::from(new) / (f64::from(old) * seen.scale).max(1e-6);
-    let (w, h) = (ratio(choice.bbox.w, seen.around.w), ratio(choice.bbox.h, seen.around.h));
+    let (w, h) = (ratio(bbox.w, seen.around.w), ratio(bbox.h, seen.around.h));
     let (size, aspect) = ((w * h).max(1e-6).sqrt().ln().abs(), (w / h.max(1e-6)).max(1e-6).ln().abs());
     (size + aspect).min(4.0)
 }

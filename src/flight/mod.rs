@@ -62,7 +62,8 @@ pub struct FlightTracker {
     next_anchor: Option<(Kalman, u32)>, // becomes the anchor if the target stays surely seen; age in frames
     state: State,
     frames_in_state: u32,
-    faint: u32, // frames in a row below `absent`, or of other colours
+    doubt: u32, // grows with every frame in a row that is not believed
+    calm: u32,  // frames since the last that was not believed, or since the target was found again
     score: f32,
     probability: f64,
     tentative: Option<Tentative>,
@@ -80,6 +81,11 @@ pub struct FlightTracker {
 const ANCHOR_AGE: u32 = 4;
 /// Frames of [`State::Reacquired`] before [`State::Tracking`].
 const FRESH: u32 = 10;
+/// Frames after the last doubt before looks are learnt again: what came out from behind something may be another object.
+const CALM: u32 = 45;
+/// What a frame without the target adds to the doubt, and one that is only not believed.
+const GONE: u32 = 2;
+const UNLIKELY: u32 = 1;
 /// Frames during which a re-acquisition may be taken back,
 const PROBATION: u32 = 30;
 /// and log-odds below which it is.
@@ -119,7 +125,8 @@ impl FlightTracker {
             next_anchor: None,
             state: State::Tracking,
             frames_in_state: 0,
-            faint: 0,
+            doubt: 0,
+            calm: CALM,
             score: 0.0,
             probability: 1.0,
             tentative: None,
@@ -150,7 +157,7 @@ impl FlightTracker {
         self.kalman = Some(Kalman::new(&bbox.center()));
         (self.anchor, self.next_anchor, self.probation) = (self.kalman, None, None);
         self.enter(State::Tracking);
-        (self.faint, self.score, self.probability, self.evidence) = (0, 0.0, 1.0, None);
+        (self.doubt, self.calm, self.score, self.probability, self.evidence) = (0, CALM, 0.0, 1.0, None);
         (self.closer_look, self.by_colours) = (false, false);
         self.give_up_search();
         Ok(())
@@ -198,7 +205,7 @@ impl FlightTracker {
         self.score = track.score;
         let Some(finding) = finding else {
             self.probability = 0.0;
-            self.doubt();
+            self.doubt(GONE);
             return Ok(());
         };
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
@@ -235,21 +242,28 @@ impl FlightTracker {
         self.drop_anchor(sure);
         let foreign = self.probability < self.options.present && finding.evidence.colours() < FOREIGN;
         if self.probability < self.options.absent || recover && foreign {
-            self.doubt();
+            self.doubt(GONE);
             return Ok(());
         }
-        self.faint = 0;
+        if self.probability < f64::from(BELIEVED) {
+            self.doubt(UNLIKELY);
+            return Ok(());
+        }
+        self.doubt = 0;
+        self.calm = self.calm.saturating_add(1);
         if self.probability < self.options.present {
             self.enter(State::LowConfidence);
             return Ok(());
         }
-        // Light and looks change: what is only likely the target counts, too, but less.
-        self.colours.learn(frame, &bbox, (2.0 * probability - 1.0).max(0.0) as f32);
-        if !slipped {
-            self.witness.learn(&finding.evidence, probability);
-            if careful && !jumped && self.probation.is_none() {
-                self.tracker.learn();
+        if self.calm >= CALM {
+            // Light and looks change: what is only likely the target counts, too, but less.
+            self.colours.learn(frame, &bbox, (2.0 * probability - 1.0).max(0.0) as f32);
+            if !slipped {
+                self.witness.learn(&finding.evidence, probability);
             }
+        }
+        if careful && !slipped && !jumped && self.probation.is_none() {
+            self.tracker.learn();
         }
         if self.state != State::Reacquired || self.frames_in_state >= FRESH {
             self.enter(State::Tracking);
@@ -308,10 +322,11 @@ impl FlightTracker {
         };
     }
 
-    /// One more frame without the target: in the end the box is no longer believed.
-    fn doubt(&mut self) {
-        self.faint += 1;
-        if self.options.conduct == Conduct::Recover && self.faint >= self.options.patience {
+    /// One more frame in a row that is not believed: in the end the box is given up.
+    fn doubt(&mut self, weight: u32) {
+        self.calm = 0;
+        self.doubt += weight;
+        if self.options.conduct == Conduct::Recover && self.doubt >= GONE * self.options.patience {
             self.enter(State::Coasting);
         } else {
             self.enter(State::LowConfidence);

@@ -53,8 +53,11 @@ impl Tentative {
 const TILE_SHARE: f64 = 120.0 / 303.0;
 /// Frames of coasting during which what surely looks like the target
 const SOON: u32 = 10;
-/// this far from where it should be, in its sides, is another object.
+/// this far from where it should be, in its sides and in standard deviations of that place more, is another object.
 const FAR: f64 = 2.0;
+const SIGMAS: f64 = 3.0;
+/// Log-odds that speak against what is rather where a known rival should be: most of what is known to be a rival is one.
+const CLAIMED: f64 = 3.0;
 /// Share of what one search covers that its colours need not bring us back to,
 const VISITED: f32 = 0.8;
 /// for so many frames,
@@ -136,11 +139,12 @@ impl FlightTracker {
     fn look_ahead(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
         let predicted = self.predicted(frame);
         self.tracker.look(frame, predicted, 1.0, self.options.config.window_influence)?;
-        let Some(finding) = self.judge(frame, true) else { return Ok(false) };
+        self.judge(frame, true);
+        self.recognise(false);
+        let believed = self.witness.findings.iter().map(|finding| (self.belief(finding), *finding));
+        let Some((log_odds, finding)) = believed.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(false) };
         self.score = finding.score;
         self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
-        self.recognise(false);
-        let log_odds = self.belief(&finding);
         let promising = log_odds >= 0.0;
         if promising {
             let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
@@ -155,17 +159,20 @@ impl FlightTracker {
     /// Log-odds that what was found is the target, by its looks and by its place.
     pub(super) fn belief(&self, finding: &Finding) -> f64 {
         let Some(kalman) = self.kalman else { return f64::NEG_INFINITY };
-        if self.rivals.claim(&finding.bbox, self.away(&finding.bbox)) {
-            return f64::NEG_INFINITY;
-        }
-        self.presence.again.log_odds(&finding.evidence) + kalman.log_ratio(&finding.bbox)
+        let claimed = self.rivals.claim(&finding.bbox, self.away(&finding.bbox));
+        let looks = self.presence.again.log_odds(&finding.evidence);
+        looks + kalman.log_ratio(&finding.bbox) - if claimed { CLAIMED } else { 0.0 }
     }
 
     /// Something that surely looks like the target, but is where it cannot be so soon, is a rival.
     fn suspect(&mut self, finding: &Finding) {
-        let away = self.away(&finding.bbox);
+        let far = FAR + SIGMAS * self.kalman.map_or(0.0, |kalman| kalman.spread());
         let alike = self.presence.again.alone(&finding.evidence) >= self.options.sure;
-        if alike && self.state == State::Coasting && self.frames_in_state <= SOON && away >= FAR {
+        if alike
+            && self.state == State::Coasting
+            && self.frames_in_state <= SOON
+            && self.away(&finding.bbox) >= far
+        {
             self.rivals.meet(&finding.bbox);
         }
     }
@@ -183,11 +190,14 @@ impl FlightTracker {
         }
         self.visited.push((around, 0));
         self.tracker.look(frame, around, zoom, 0.0)?;
-        let Some(finding) = self.judge(frame, false) else { return Ok(()) };
+        self.judge(frame, false);
         self.recognise(false);
-        self.suspect(&finding);
-        if self.is_within_reach(&finding.bbox) {
-            self.add_lead(self.belief(&finding), resized(&finding.bbox, &size));
+        for i in 0..self.witness.findings.len() {
+            let finding = self.witness.findings[i];
+            self.suspect(&finding);
+            if self.is_within_reach(&finding.bbox) {
+                self.add_lead(self.belief(&finding), resized(&finding.bbox, &size));
+            }
         }
         Ok(())
     }
@@ -260,7 +270,7 @@ impl FlightTracker {
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
         self.score = finding.score;
         self.enter(State::Reacquired);
-        self.faint = 0;
+        (self.doubt, self.calm) = (0, 0);
         self.give_up_search();
         Ok(true)
     }

@@ -7,7 +7,7 @@ use scenes::{Difficulty, Truth};
 
 use crate::flights::{GONE, OFF, ON, bbox, difficulty, each_seed, is_on, play};
 use crate::measure::{auroc, reliability};
-use crate::{EvaluateArgs, Failure, load};
+use crate::{EvaluateArgs, Failure, load, presence};
 
 /// Frames after a return within which the target must be found again.
 const RETURN_FRAMES: usize = 60;
@@ -45,14 +45,7 @@ struct Outcome {
 /// Runs the sub-command.
 pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
-    let presence = match &args.text {
-        Some(path) => {
-            let text = std::fs::read_to_string(path)
-                .map_err(|error| Failure::File(path.clone(), error.to_string()))?;
-            Presence::parse(&text)?
-        }
-        None => Presence::of(model.header())?,
-    };
+    let presence = presence(args.text.as_ref(), &model)?;
     let outcomes = each_seed(&args.flights, args.seed, |seed| flight(&model, &presence, args, seed))?;
     for outcome in &outcomes {
         if args.trace {

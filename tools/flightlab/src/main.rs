@@ -22,6 +22,7 @@ mod sequences;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use track_cpu::flight::Presence;
 use track_cpu::{Isa, Model, ModelError};
 
 /// Fits and measures track-cpu's flight mode.
@@ -121,6 +122,9 @@ struct SequencesArgs {
     /// Searches per frame while the target is lost.
     #[arg(long, default_value_t = 2)]
     searches: u32,
+    /// Presence coefficients as text in place of the model's.
+    #[arg(long)]
+    text: Option<PathBuf>,
 }
 
 /// Why a command failed.
@@ -152,6 +156,14 @@ pub enum Failure {
 /// The model of a file, or the built-in one.
 fn load(path: Option<&PathBuf>) -> Result<Model, ModelError> {
     Model::from_weights(&Model::find(path.map(PathBuf::as_path))?, Isa::detect())
+}
+
+/// The presence coefficients of a text file, or the model's.
+fn presence(text: Option<&PathBuf>, model: &Model) -> Result<Presence, Failure> {
+    let Some(path) = text else { return Ok(Presence::of(model.header())?) };
+    let text =
+        std::fs::read_to_string(path).map_err(|error| Failure::File(path.clone(), error.to_string()))?;
+    Ok(Presence::parse(&text)?)
 }
 
 fn main() -> ExitCode {

@@ -2,24 +2,25 @@
 
 use std::path::{Path, PathBuf};
 
-use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
+use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker, Presence};
 use track_cpu::source::{Input, Source};
 use track_cpu::{BBox, Model};
 
 use crate::flights::{OFF, ON};
 use crate::measure::auroc;
-use crate::{Failure, SequencesArgs, load};
+use crate::{Failure, SequencesArgs, load, presence};
 
 /// Runs the sub-command.
 pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
+    let presence = presence(args.text.as_ref(), &model)?;
     let folders = find(&args.folder)?;
     let (mut totals, mut labelled, mut lost) = ([0.0; 2], Vec::new(), (0, 0));
     for folder in &folders {
         let truth = annotation(folder)?;
         let mut aucs = [0.0; 2];
         for (recover, auc) in [false, true].into_iter().zip(&mut aucs) {
-            let tracks = track(&model, folder, &truth, recover, args.searches)?;
+            let tracks = track(&model, &presence, folder, &truth, recover, args.searches)?;
             *auc = success(&tracks, &truth);
             for ((bbox, presence, seen), truth) in tracks.iter().zip(&truth).skip(1) {
                 let iou = truth.map(|truth| bbox.iou(&truth));
@@ -67,6 +68,7 @@ type Tracks = Vec<(BBox, f64, bool)>;
 
 fn track(
     model: &Model,
+    presence: &Presence,
     folder: &Path,
     truth: &[Option<BBox>],
     recover: bool,
@@ -74,7 +76,7 @@ fn track(
 ) -> Result<Tracks, Failure> {
     let conduct = if recover { Conduct::Recover } else { Conduct::Tell };
     let options = FlightOptions { conduct, ..FlightOptions::new(model) };
-    let mut tracker = FlightTracker::new(model.clone(), options)?;
+    let mut tracker = FlightTracker::with_presence(model.clone(), options, *presence);
     let wrong = |error: &dyn std::fmt::Display| Failure::File(folder.to_path_buf(), error.to_string());
     let source = Source::open(&Input::new(folder.join("img"))).map_err(|error| wrong(&error))?;
     let mut tracks = Vec::new();
