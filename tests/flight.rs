@@ -119,19 +119,24 @@ fn a_target_that_vanishes_is_lost_and_found_again() {
 
 /// However it looks, its presence is such that the box is neither believed nor surely wrong.
 #[test]
-fn what_is_doubted_for_long_is_given_up() {
-    let (frames, first) = flight(20);
+fn what_is_doubted_for_long_is_looked_for_elsewhere_too() {
+    let (frames, first) = flight(30);
     let model = Model::builtin(Isa::detect());
     let options = FlightOptions::new(&model);
-    let doubtful = Weighing { bias: -1.0, weights: [0.0; track_cpu::flight::EVIDENCE_COUNT] };
-    let presence = Presence { look: doubtful, again: doubtful, memory: 0.0, gain: 1.0, shift: 0.0 };
+    let doubtful = Weighing { bias: -2.0, weights: [0.0; track_cpu::flight::EVIDENCE_COUNT] };
+    let nowhere = Weighing { bias: -9.0, ..doubtful };
+    let presence = Presence { look: doubtful, again: nowhere, memory: 0.0, gain: 1.0, shift: 0.0 };
     let mut tracker = FlightTracker::with_presence(model, options, presence);
+    let mut paper = Tracker::new(Model::builtin(Isa::detect()));
     tracker.init(&frame(&frames[0]), first).unwrap();
-    let tracks: Vec<FlightTrack> = frames[1..].iter().map(|data| follow(&mut tracker, data, 1)).collect();
-    let given_up = tracks.iter().position(|track| track.state == State::Coasting);
-    assert_eq!(given_up, Some(2 * options.patience as usize - 1), "{tracks:?}");
-    let doubted = &tracks[..2 * options.patience as usize - 1];
-    assert!(doubted.iter().all(|t| t.state == State::LowConfidence && !t.is_believed()), "{doubted:?}");
+    paper.init(&frame(&frames[0]), first).unwrap();
+    for (i, data) in frames.iter().enumerate().skip(1) {
+        let track = follow(&mut tracker, data, 3);
+        assert_eq!(track.searches, if i < 15 { 1 } else { 3 }, "frame {i}");
+        assert!(track.state == State::LowConfidence && !track.is_believed(), "frame {i}: {track:?}");
+        let iou = track.bbox.iou(&paper.update(&frame(data)).unwrap().bbox);
+        assert!(iou > 0.7, "frame {i}: what is followed is kept, IoU {iou}");
+    }
 }
 
 #[test]

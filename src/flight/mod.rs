@@ -62,8 +62,9 @@ pub struct FlightTracker {
     next_anchor: Option<(Kalman, u32)>, // becomes the anchor if the target stays surely seen; age in frames
     state: State,
     frames_in_state: u32,
-    doubt: u32, // grows with every frame in a row that is not believed
-    calm: u32,  // frames since the last that was not believed, or since the target was found again
+    faint: u32,   // frames in a row below `absent`, or of other colours
+    doubted: u32, // frames in a row that are not believed
+    calm: u32,    // frames since the last that was not believed, or since the target was found again
     score: f32,
     probability: f64,
     tentative: Option<Tentative>,
@@ -83,15 +84,14 @@ const ANCHOR_AGE: u32 = 4;
 const FRESH: u32 = 10;
 /// Frames after the last doubt before looks are learnt again: what came out from behind something may be another object.
 const CALM: u32 = 45;
-/// What a frame without the target adds to the doubt, and one that is only not believed.
-const GONE: u32 = 2;
-const UNLIKELY: u32 = 1;
+/// Frames in a row that are not believed before the target is looked for elsewhere as well.
+const DOUBTED: u32 = 15;
 /// Frames during which a re-acquisition may be taken back,
 const PROBATION: u32 = 30;
 /// and log-odds below which it is.
 const REFUTED: f64 = -2.0;
 /// What is likelier not the target and has less of its colours than this is another object.
-const FOREIGN: f64 = 0.6;
+const FOREIGN: f64 = 0.8;
 /// A rival must have this share of the chosen box's score to be taken in its place,
 const RIVAL_SCORE: f32 = 0.5;
 /// and fall behind its similarity by no more than this.
@@ -125,7 +125,8 @@ impl FlightTracker {
             next_anchor: None,
             state: State::Tracking,
             frames_in_state: 0,
-            doubt: 0,
+            faint: 0,
+            doubted: 0,
             calm: CALM,
             score: 0.0,
             probability: 1.0,
@@ -157,7 +158,8 @@ impl FlightTracker {
         self.kalman = Some(Kalman::new(&bbox.center()));
         (self.anchor, self.next_anchor, self.probation) = (self.kalman, None, None);
         self.enter(State::Tracking);
-        (self.doubt, self.calm, self.score, self.probability, self.evidence) = (0, CALM, 0.0, 1.0, None);
+        (self.faint, self.doubted, self.calm) = (0, 0, CALM);
+        (self.score, self.probability, self.evidence) = (0.0, 1.0, None);
         (self.closer_look, self.by_colours) = (false, false);
         self.give_up_search();
         Ok(())
@@ -179,7 +181,12 @@ impl FlightTracker {
         self.frames_in_state = self.frames_in_state.saturating_add(1);
         let searches = if self.state.is_seen() {
             self.follow(frame)?;
-            1
+            let doubted = self.state == State::LowConfidence && self.doubted >= DOUBTED;
+            if doubted && self.options.conduct == Conduct::Recover {
+                self.look_beside(frame, &motion, budget, started)?
+            } else {
+                1
+            }
         } else {
             self.seek(frame, &motion, budget, started)?
         };
@@ -205,7 +212,7 @@ impl FlightTracker {
         self.score = track.score;
         let Some(finding) = finding else {
             self.probability = 0.0;
-            self.doubt(GONE);
+            self.doubt();
             return Ok(());
         };
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
@@ -241,16 +248,19 @@ impl FlightTracker {
         self.recognise(sure);
         self.drop_anchor(sure);
         let foreign = self.probability < self.options.present && finding.evidence.colours() < FOREIGN;
+        if self.probability >= f64::from(BELIEVED) {
+            if self.doubted >= DOUBTED {
+                self.give_up_search();
+            }
+            (self.doubted, self.calm) = (0, self.calm.saturating_add(1));
+        } else {
+            (self.doubted, self.calm) = (self.doubted.saturating_add(1), 0);
+        }
         if self.probability < self.options.absent || recover && foreign {
-            self.doubt(GONE);
+            self.doubt();
             return Ok(());
         }
-        if self.probability < f64::from(BELIEVED) {
-            self.doubt(UNLIKELY);
-            return Ok(());
-        }
-        self.doubt = 0;
-        self.calm = self.calm.saturating_add(1);
+        self.faint = 0;
         if self.probability < self.options.present {
             self.enter(State::LowConfidence);
             return Ok(());
@@ -322,11 +332,10 @@ impl FlightTracker {
         };
     }
 
-    /// One more frame in a row that is not believed: in the end the box is given up.
-    fn doubt(&mut self, weight: u32) {
-        self.calm = 0;
-        self.doubt += weight;
-        if self.options.conduct == Conduct::Recover && self.doubt >= GONE * self.options.patience {
+    /// One more frame without the target: in the end the box is given up.
+    fn doubt(&mut self) {
+        self.faint += 1;
+        if self.options.conduct == Conduct::Recover && self.faint >= self.options.patience {
             self.enter(State::Coasting);
         } else {
             self.enter(State::LowConfidence);

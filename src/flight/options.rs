@@ -54,7 +54,7 @@ pub struct FlightOptions {
     pub sure: f64,
     /// Presence below which it counts as gone.
     pub absent: f64,
-    /// Frames in a row below `absent` before the box is given up; of those that are only not believed, twice as many.
+    /// Frames in a row below `absent` before the box is given up.
     pub patience: u32,
     /// Frames of coasting before the target counts as lost.
     pub coast: u32,

@@ -8,7 +8,7 @@ use super::{Budget, FlightTracker, State};
 use crate::bbox::CenterBox;
 use crate::error::TrackError;
 use crate::frame::Frame;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A place that looks like the target but is not yet taken for it.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +92,35 @@ impl FlightTracker {
             kalman.coast();
             kalman.bound(frame.width(), frame.height());
         }
+        self.carry_places(motion);
+        if self.state == State::Coasting && self.frames_in_state > self.options.coast {
+            self.enter(State::Lost);
+        }
+        self.search(frame, budget, started, 0)
+    }
+
+    /// Looks for the target where it should be since it was last surely seen, while the tracker goes on following what is doubted; returns the
+    /// searches made, with the one for what is followed.
+    pub(super) fn look_beside(
+        &mut self,
+        frame: &Frame<'_>,
+        motion: &Motion,
+        budget: Budget,
+        started: Instant,
+    ) -> Result<u32, TrackError> {
+        self.carry_places(motion);
+        let (kalman, evidence, followed) = (self.kalman, self.evidence, self.tracker.target_box());
+        self.kalman = self.anchor;
+        let searches = self.search(frame, budget, started, 1)?;
+        if self.state != State::Reacquired {
+            (self.kalman, self.evidence) = (kalman, evidence);
+            followed.into_iter().for_each(|bbox| self.tracker.place(bbox));
+        }
+        Ok(searches)
+    }
+
+    /// Carries the places that are remembered into the next frame.
+    fn carry_places(&mut self, motion: &Motion) {
         let carry = |bbox: &CenterBox| motion.carry(bbox);
         for (_, bbox) in &mut self.leads {
             *bbox = carry(bbox);
@@ -103,36 +132,41 @@ impl FlightTracker {
         if let Some(tentative) = &mut self.tentative {
             tentative.bbox = carry(&tentative.bbox);
         }
-        if self.state == State::Coasting && self.frames_in_state > self.options.coast {
-            self.enter(State::Lost);
-        }
+    }
+
+    /// Searches as long as the budget lasts, `searches` having been made for this frame; returns them all.
+    fn search(
+        &mut self,
+        frame: &Frame<'_>,
+        budget: Budget,
+        started: Instant,
+        mut searches: u32,
+    ) -> Result<u32, TrackError> {
         let mut verified = false;
-        for searches in 1.. {
+        let is_left = |searches: u32, cost: Duration| match budget {
+            Budget::Searches(most) => searches < most,
+            Budget::Deadline(deadline) => started.elapsed() + cost * 5 / 4 < deadline,
+        };
+        while searches == 0 || is_left(searches, self.search_cost) {
             let began = Instant::now();
             let ahead = self.state == State::Coasting || self.frames_in_state.is_multiple_of(3);
             let doubtful = self.tentative.is_none_or(|tentative| tentative.confirmed == 0);
-            if searches == 1 && ahead && doubtful {
+            if searches == 0 && ahead && doubtful {
                 verified = self.look_ahead(frame)?;
             } else if !verified && (self.closer_look || self.tentative.is_some()) && self.take_lead() {
                 // Once a frame: it takes one frame after the other to confirm a place.
                 (verified, self.closer_look) = (true, false);
                 if self.verify(frame)? {
-                    return Ok(searches);
+                    return Ok(searches + 1);
                 }
             } else {
                 self.closer_look = true;
                 self.look_elsewhere(frame)?;
             }
+            searches += 1;
             self.search_cost = (3 * self.search_cost + began.elapsed()) / 4;
-            let more = match budget {
-                Budget::Searches(most) => searches < most,
-                Budget::Deadline(deadline) => started.elapsed() + self.search_cost * 5 / 4 < deadline,
-            };
-            if !more {
-                return Ok(searches);
-            }
         }
-        unreachable!("the loop ends by its budget")
+        Ok(searches)
     }
 
     /// Looks around the predicted place; `true` if something there may be the target.
@@ -270,7 +304,7 @@ impl FlightTracker {
         self.probability = self.smoothed.add(&self.presence, &finding.evidence);
         self.score = finding.score;
         self.enter(State::Reacquired);
-        (self.doubt, self.calm) = (0, 0);
+        (self.faint, self.doubted, self.calm) = (0, 0, 0);
         self.give_up_search();
         Ok(true)
     }
