@@ -91,7 +91,7 @@ const PROBATION: u32 = 30;
 /// and log-odds below which it is.
 const REFUTED: f64 = -2.0;
 /// What is likelier not the target and has less of its colours than this is another object.
-const FOREIGN: f64 = 0.8;
+const FOREIGN: f64 = 0.7;
 /// A rival must have this share of the chosen box's score to be taken in its place,
 const RIVAL_SCORE: f32 = 0.5;
 /// and fall behind its similarity by no more than this.
