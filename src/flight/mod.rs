@@ -215,7 +215,12 @@ impl FlightTracker {
             self.doubt();
             return Ok(());
         };
-        self.probability = self.smoothed.add(&self.presence, &finding.evidence);
+        let mut odds = self.presence.look.log_odds(&finding.evidence);
+        if self.calm < CALM {
+            // Nothing has been learnt since the doubt: it may look as it does after a while.
+            odds = odds.max(self.presence.again.log_odds(&finding.evidence));
+        }
+        self.probability = self.smoothed.add(&self.presence, odds);
         let mut bbox = track.bbox.center();
         let jumped = recover && !self.is_within_reach(&finding.bbox);
         if jumped && self.is_regained(&finding) {

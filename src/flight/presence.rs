@@ -150,9 +150,9 @@ pub(crate) struct Smoothed {
 }
 
 impl Smoothed {
-    /// The probability after one more look.
-    pub(crate) fn add(&mut self, presence: &Presence, evidence: &Evidence) -> f64 {
-        let now = presence.look.log_odds(evidence).clamp(-12.0, 12.0);
+    /// The probability after one more look, given its log-odds.
+    pub(crate) fn add(&mut self, presence: &Presence, log_odds: f64) -> f64 {
+        let now = log_odds.clamp(-12.0, 12.0);
         let smoothed =
             self.log_odds.map_or(now, |before| presence.memory * before + (1.0 - presence.memory) * now);
         self.log_odds = Some(smoothed);
@@ -216,8 +216,9 @@ mod tests {
         let presence = Presence { look, again: look, memory: 0.5, gain: 1.0, shift: 0.0 };
         let (good, bad) = (Evidence { values: [1.0; COUNT] }, Evidence { values: [-1.0; COUNT] });
         let mut smoothed = Smoothed::default();
-        assert_eq!(smoothed.add(&presence, &good), look.alone(&good));
-        assert_eq!(smoothed.add(&presence, &bad), 0.5);
-        assert!(smoothed.add(&presence, &bad) < 0.01);
+        let [good_odds, bad_odds] = [&good, &bad].map(|evidence| look.log_odds(evidence));
+        assert_eq!(smoothed.add(&presence, good_odds), look.alone(&good));
+        assert_eq!(smoothed.add(&presence, bad_odds), 0.5);
+        assert!(smoothed.add(&presence, bad_odds) < 0.01);
     }
 }

@@ -178,7 +178,10 @@ impl FlightTracker {
         let believed = self.witness.findings.iter().map(|finding| (self.belief(finding), *finding));
         let Some((log_odds, finding)) = believed.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(false) };
         self.score = finding.score;
-        self.probability = self.smoothed.add(&self.presence, &finding.evidence).min(self.options.present);
+        self.probability = self
+            .smoothed
+            .add(&self.presence, self.presence.look.log_odds(&finding.evidence))
+            .min(self.options.present);
         let promising = log_odds >= 0.0;
         if promising {
             let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
@@ -301,7 +304,7 @@ impl FlightTracker {
         self.kalman = Some(Kalman::new(&tentative.bbox));
         (self.anchor, self.next_anchor) = (self.kalman, None);
         self.smoothed = Smoothed::default();
-        self.probability = self.smoothed.add(&self.presence, &finding.evidence);
+        self.probability = self.smoothed.add(&self.presence, self.presence.look.log_odds(&finding.evidence));
         self.score = finding.score;
         self.enter(State::Reacquired);
         (self.faint, self.doubted, self.calm) = (0, 0, 0);
