@@ -7,7 +7,7 @@ use scenes::{Difficulty, Truth};
 
 use crate::flights::{GONE, OFF, ON, bbox, difficulty, each_seed, is_on, play};
 use crate::measure::{auroc, reliability};
-use crate::{EvaluateArgs, Failure, load, presence};
+use crate::{EvaluateArgs, Failure, load, plots, presence};
 
 /// Frames after a return within which the target must be found again.
 const RETURN_FRAMES: usize = 60;
@@ -74,7 +74,9 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
             summarise(&format!("{label}, flight"), &flight);
         }
     }
-    Ok(())
+    let all: Vec<_> = outcomes.iter().map(|outcome| &outcome.flight[..]).collect();
+    let folder = args.plots.as_deref();
+    folder.map_or(Ok(()), |folder| plots::write(folder, &on_off(&all), &visible_gone(&all)))
 }
 
 fn flight(model: &Model, presence: &Presence, args: &EvaluateArgs, seed: u64) -> Result<Outcome, Failure> {
@@ -198,13 +200,21 @@ fn locks_wrong(moments: &[Moment]) -> bool {
     })
 }
 
+/// Presence of every frame that is clearly on the target or off it.
+fn on_off(flights: &[&[Moment]]) -> Vec<(f64, bool)> {
+    flights.iter().flat_map(|f| f.iter()).filter_map(|m| Some((m.presence, m.on?))).collect()
+}
+
+/// Presence of every frame in which the target is gone, or in view and tracked.
+fn visible_gone(flights: &[&[Moment]]) -> Vec<(f64, bool)> {
+    let moments = flights.iter().flat_map(|f| f.iter());
+    let told = moments.filter(|m| m.visible <= GONE || (m.visible > CLEAR && m.on == Some(true)));
+    told.map(|m| (m.presence, m.visible > CLEAR)).collect()
+}
+
 fn summarise(name: &str, flights: &[&[Moment]]) {
     let all = || flights.iter().flat_map(|f| f.iter());
-    let labelled: Vec<_> = all().filter_map(|m| Some((m.presence, m.on?))).collect();
-    let gone: Vec<_> = all()
-        .filter(|m| m.visible <= GONE || (m.visible > CLEAR && m.on == Some(true)))
-        .map(|m| (m.presence, m.visible > CLEAR))
-        .collect();
+    let (labelled, gone) = (on_off(flights), visible_gone(flights));
     let share = |of: &dyn Fn(&&Moment) -> bool, hit: &dyn Fn(&&Moment) -> bool| {
         let of: Vec<&Moment> = all().filter(of).collect();
         of.iter().filter(|m| hit(m)).count() as f64 / of.len().max(1) as f64

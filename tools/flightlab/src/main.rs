@@ -5,7 +5,7 @@
 //! | `flights.rs` | rendered flights, frame by frame, with their truth |
 //! | `collect.rs` | evidence with the truth about it |
 //! | `fit.rs` | logistic regression, calibration of the smoothed log-odds |
-//! | `measure.rs` | ROC, calibration tables |
+//! | `measure.rs`, `plots.rs` | ROC, calibration: figures and plots |
 //! | `evaluate.rs` | flight mode as a whole: lost, found again, wrong target |
 //! | `sequences.rs` | the same on real sequences |
 
@@ -17,6 +17,7 @@ mod evaluate;
 mod fit;
 mod flights;
 mod measure;
+mod plots;
 mod sequences;
 
 use clap::{Args, Parser, Subcommand};
@@ -104,6 +105,9 @@ struct EvaluateArgs {
     /// Print a line per frame: visible share, IoU, presence, state, believed.
     #[arg(long)]
     trace: bool,
+    /// Folder for plots of presence over all flights: flight-roc.svg, flight-presence.svg.
+    #[arg(long)]
+    plots: Option<PathBuf>,
     /// Leave out the paper's mode: half the time.
     #[arg(long)]
     flight_only: bool,
