@@ -11,6 +11,9 @@ pub type Samples = [(f64, bool)];
 
 /// Bins of the calibration curve.
 const BINS: usize = 20;
+/// Right end of the ROC curves, in percent, and least steps between their points.
+const MOST_FALSE: f64 = 30.0;
+const STEPS: (f64, f64) = (0.2, 0.5);
 /// Frames that a bin must have to be drawn.
 const ENOUGH: usize = 20;
 
@@ -18,7 +21,7 @@ const ENOUGH: usize = 20;
 pub fn write(folder: &Path, on_off: &Samples, visible_gone: &Samples) -> Result<(), Failure> {
     let curve = |label: &str, samples: &Samples| Series { label: label.into(), points: roc(samples) };
     let (x, y) = ("false positives [%]", "true positives [%]");
-    let axes = Axes { title: "Presence tells apart", x, y, x_min: 0.0, x_max: 30.0, y_max: 100.0 };
+    let axes = Axes { title: "Presence tells apart", x, y, x_min: 0.0, x_max: MOST_FALSE, y_max: 100.0 };
     let series = [curve("visible and tracked / gone", visible_gone), curve("on / off the target", on_off)];
     let roc = lines(&axes, &series, false);
     let (x, y) = ("presence [%]", "boxes on the target [%]");
@@ -36,7 +39,7 @@ pub fn write(folder: &Path, on_off: &Samples, visible_gone: &Samples) -> Result<
     Ok(())
 }
 
-/// Points of the ROC curve in percent, from the strictest threshold to the loosest that the plot shows; at most one per half a percent.
+/// Points of the ROC curve in percent, from the strictest threshold to the loosest that the plot shows; those that are hardly apart are left out.
 fn roc(samples: &Samples) -> Vec<(f64, f64)> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -48,7 +51,7 @@ fn roc(samples: &Samples) -> Vec<(f64, f64)> {
         let tied = sorted.get(i + 1).is_some_and(|next| next.0 == sample.0);
         let (x, y) = (100.0 * misses / negatives, 100.0 * hits / positives);
         let last: (f64, f64) = points[points.len() - 1];
-        if !tied && x <= 30.0 && (x - last.0 >= 0.2 || y - last.1 >= 0.5) {
+        if !tied && x <= MOST_FALSE && (x - last.0 >= STEPS.0 || y - last.1 >= STEPS.1) {
             points.push((x, y));
         }
     }
