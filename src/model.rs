@@ -40,7 +40,11 @@ pub enum Precision {
 impl Precision {
     /// The faster one at equal accuracy: bytes if the weights are calibrated and `isa` has instructions for them.
     pub fn best(weights: &Weights, isa: Isa) -> Precision {
-        if weights.header.calibration.is_some() && isa.has_dot() { Precision::Int8 } else { Precision::F32 }
+        if weights.header.calibration.is_some() && isa.has_fast_integers() {
+            Precision::Int8
+        } else {
+            Precision::F32
+        }
     }
 
     /// The precision called `name`, as [`name`](Self::name) gives it.
@@ -274,7 +278,7 @@ impl Builder<'_> {
         let out = layer.out_search.max(layer.out_template);
         let size = Size::square((out - 1) * shape.stride + shape.kernel - 2 * shape.pad);
         match (self.quantization(layer), self.algorithm) {
-            (Some(quantization), _) => Algorithm::plan_bytes(&shape, size, quantization),
+            (Some(quantization), _) => Algorithm::plan_integers(self.isa, &shape, size, quantization),
             (None, Some(asked)) => asked.supported(&shape),
             (None, None) => Algorithm::plan(&shape, size),
         }

@@ -136,15 +136,26 @@ impl Isa {
         }
     }
 
-    /// Whether it has an instruction for dot products of bytes, which makes them several times faster than those of `f32`.
-    pub fn has_dot(self) -> bool {
+    /// How many products of bytes ([`Dot::dot`]) it makes in the time of one of `f32`.
+    pub(crate) fn bytes_speed(self) -> u64 {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2Vnni(_) | Isa::Avx512Vnni(_) => true,
+            Isa::Avx2Vnni(_) | Isa::Avx512Vnni(_) => 4,
             #[cfg(target_arch = "aarch64")]
-            Isa::NeonDot(_) => true,
-            _ => false,
+            Isa::NeonDot(_) => 4,
+            _ => 1,
         }
+    }
+
+    /// How many products of `i16` ([`Dot::dot_pairs`]) it makes in the time of one of `f32`: every x86 processor has an instruction for
+    /// two of them, NEON none that would be faster.
+    pub(crate) fn words_speed(self) -> u64 {
+        if cfg!(target_arch = "x86_64") { 2 } else { 1 }
+    }
+
+    /// Whether products of integers make a network faster than `f32` does.
+    pub fn has_fast_integers(self) -> bool {
+        self.bytes_speed() > 1 || self.words_speed() > 1
     }
 
     /// Lanes of one vector of `f32` or of sums; packed weights are padded to a multiple of it.

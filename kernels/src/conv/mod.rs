@@ -100,6 +100,11 @@ pub enum Algorithm {
     Winograd10,
     /// Register tiles over bytes: inputs quantized as given, weights to `i8`; an approximation.
     Int8(Quantization),
+    /// Winograd's algorithm over tiles of 6 x 6 inputs with products of 16 bits, for inputs of the range that bytes quantized as given express; a closer
+    /// approximation.
+    Words6(Quantization),
+    /// The same over tiles of 8 x 8 inputs.
+    Words8(Quantization),
 }
 
 impl Algorithm {
@@ -114,15 +119,19 @@ impl Algorithm {
 
     /// This algorithm where it can compute `shape`, else `Direct`.
     pub fn supported(self, shape: &ConvShape) -> Algorithm {
-        let fits = self.points().is_none_or(|points| winograd::fits(shape, points));
+        let fits = match self {
+            Algorithm::Words6(_) => winograd::fits_words(shape, 6),
+            Algorithm::Words8(_) => winograd::fits_words(shape, 8),
+            _ => self.points().is_none_or(|points| winograd::fits(shape, points)),
+        };
         if fits { self } else { Algorithm::Direct }
     }
 
     /// Points along one side of a tile of Winograd's algorithm; `None` for the others.
     fn points(self) -> Option<usize> {
         match self {
-            Algorithm::Winograd6 => Some(6),
-            Algorithm::Winograd8 => Some(8),
+            Algorithm::Winograd6 | Algorithm::Words6(_) => Some(6),
+            Algorithm::Winograd8 | Algorithm::Words8(_) => Some(8),
             Algorithm::Winograd10 => Some(10),
             Algorithm::Direct | Algorithm::Im2col | Algorithm::Int8(_) => None,
         }
@@ -130,39 +139,49 @@ impl Algorithm {
 
     /// The algorithm in `f32` that is expected to be fastest for an input of `size`.
     pub fn plan(shape: &ConvShape, size: Size) -> Algorithm {
-        let fitting =
-            Algorithm::ALL.into_iter().filter(|a| *a != Algorithm::Im2col && a.supported(shape) == *a);
-        fitting.min_by_key(|a| a.cost(shape, size)).expect("direct always fits")
+        let fitting = Algorithm::ALL.into_iter().filter(|a| *a != Algorithm::Im2col);
+        Algorithm::cheapest(fitting, shape, |a| a.cost(1, shape, size))
     }
 
-    /// The same where bytes would do as well: with a large kernel Winograd's algorithm is faster than they are.
-    pub fn plan_bytes(shape: &ConvShape, size: Size, input: Quantization) -> Algorithm {
-        let floats = Algorithm::plan(shape, size);
-        let bytes = Algorithm::Int8(input);
-        if floats.cost(shape, size) < bytes.cost(shape, size) { floats } else { bytes }
+    /// The same where bytes and words would do as well.
+    pub fn plan_integers(isa: Isa, shape: &ConvShape, size: Size, input: Quantization) -> Algorithm {
+        let integers = [Algorithm::Int8(input), Algorithm::Words6(input), Algorithm::Words8(input)];
+        let fitting = [Algorithm::plan(shape, size)].into_iter().chain(integers);
+        let speed = |algorithm| match algorithm {
+            Algorithm::Int8(_) => isa.bytes_speed(),
+            Algorithm::Words6(_) | Algorithm::Words8(_) => isa.words_speed(),
+            _ => 1,
+        };
+        Algorithm::cheapest(fitting, shape, |a| a.cost(speed(a), shape, size))
     }
 
-    /// An estimate of the time for an input of `size`, in units of one multiply-accumulate of the register tile.
+    fn cheapest(
+        algorithms: impl Iterator<Item = Algorithm>,
+        shape: &ConvShape,
+        cost: impl Fn(Algorithm) -> u64,
+    ) -> Algorithm {
+        let fitting = algorithms.filter(|a| a.supported(shape) == *a);
+        fitting.min_by_key(|a| cost(*a)).expect("direct always fits")
+    }
+
+    /// An estimate of the time for an input of `size`, in units of one multiply-accumulate of the register tile in `f32`, where `speed`
+    /// of this algorithm's products take as long as one of those.
     ///
-    /// What a value that is transformed and what a weight that is read cost in that unit was measured (Zen 4, AVX-512), as was that a
-    /// dot product of bytes has four times its speed; the estimates order the network's layers as the clock does.
-    fn cost(self, shape: &ConvShape, size: Size) -> u64 {
+    /// What a value that is transformed and what a weight that is read cost in that unit was measured (Zen 4, AVX-512); the estimates order
+    /// the network's layers as the clock does.
+    fn cost(self, speed: u64, shape: &ConvShape, size: Size) -> u64 {
         const TRANSFORMED_VALUE: u64 = 16;
         const WEIGHT: u64 = 4;
-        const BYTES: u64 = 4;
-        let winograd = |points: usize| {
-            let (out, shape) = (shape.out_size(size), fold::unstrided(shape));
-            let product = (shape.in_channels * shape.out_channels) as u64;
-            let values = (shape.in_channels + shape.out_channels) as u64;
-            let tile = winograd::rows_per_tile(&shape, points);
-            let tiles = (out.h.div_ceil(tile) * out.w.div_ceil(tile)) as u64;
-            (points * points) as u64 * (tiles * (product + TRANSFORMED_VALUE * values) + WEIGHT * product)
+        let Some(points) = self.points() else {
+            return shape.macs(size) / speed;
         };
-        match (self, self.points()) {
-            (_, Some(points)) => winograd(points),
-            (Algorithm::Int8(_), _) => shape.macs(size) / BYTES,
-            _ => shape.macs(size),
-        }
+        let (out, shape) = (shape.out_size(size), fold::unstrided(shape));
+        let product = (shape.in_channels * shape.out_channels) as u64;
+        let values = (shape.in_channels + shape.out_channels) as u64;
+        let tile = winograd::rows_per_tile(&shape, points);
+        let tiles = (out.h.div_ceil(tile) * out.w.div_ceil(tile)) as u64;
+        let each = product / speed + TRANSFORMED_VALUE * values;
+        (points * points) as u64 * (tiles * each + WEIGHT * product / speed)
     }
 
     /// The algorithm in `f32` called `name`, as [`name`](Self::name) gives it.
@@ -179,6 +198,8 @@ impl Algorithm {
             Algorithm::Winograd8 => "winograd8",
             Algorithm::Winograd10 => "winograd10",
             Algorithm::Int8(_) => "int8",
+            Algorithm::Words6(_) => "words6",
+            Algorithm::Words8(_) => "words8",
         }
     }
 }
@@ -248,6 +269,9 @@ impl Conv {
         assert_eq!(bias.len(), shape.out_channels, "bias of {shape:?}");
         let algorithm = algorithm.supported(&shape);
         let weights = match (algorithm, algorithm.points()) {
+            (Algorithm::Words6(input) | Algorithm::Words8(input), Some(points)) => {
+                Packed::Winograd(winograd::Weights::words(isa, &shape, points, weights, input))
+            }
             (_, Some(points)) => Packed::Winograd(winograd::Weights::new(isa, &shape, points, weights)),
             (Algorithm::Im2col, _) => Packed::Im2col(im2col::Weights::new(&shape, weights)),
             (Algorithm::Int8(input), _) => Packed::Int8(int8::Weights::new(isa, &shape, weights, input)),
@@ -266,10 +290,12 @@ impl Conv {
         match &self.weights {
             Packed::Direct(_) => Algorithm::Direct,
             Packed::Im2col(_) => Algorithm::Im2col,
-            Packed::Winograd(weights) => match weights.points() {
-                6 => Algorithm::Winograd6,
-                8 => Algorithm::Winograd8,
-                _ => Algorithm::Winograd10,
+            Packed::Winograd(weights) => match (weights.points(), weights.input()) {
+                (6, None) => Algorithm::Winograd6,
+                (8, None) => Algorithm::Winograd8,
+                (_, None) => Algorithm::Winograd10,
+                (6, Some(input)) => Algorithm::Words6(input),
+                (_, Some(input)) => Algorithm::Words8(input),
             },
             Packed::Int8(weights) => Algorithm::Int8(weights.input),
         }
@@ -501,6 +527,58 @@ mod tests {
         }
     }
 
+    /// Words against the reference, with inputs that fill the range: bytes' error is 1.5 % of the outputs' RMS.
+    fn check_words(shape: ConvShape, size: Size, input: Quantization) {
+        let weights = noise(shape.out_channels * shape.window(), 1);
+        let bias = noise(shape.out_channels, 2);
+        let (low, high) = (input.value(0), input.value(255));
+        let held = |v: f32| (1.5 * v).clamp(low, high);
+        let values: Vec<f32> = noise(size.area() * shape.in_channels, 3).into_iter().map(held).collect();
+        let expected = crate::reference::conv(&shape, size, &values, &weights, &bias);
+        let rms = (expected.iter().map(|y| y * y).sum::<f64>() / expected.len() as f64).sqrt();
+        for (algorithm, allowed) in [(Algorithm::Words6(input), 0.004), (Algorithm::Words8(input), 0.01)] {
+            if algorithm.supported(&shape) != algorithm {
+                continue;
+            }
+            let mut first: Option<Vec<f32>> = None;
+            for isa in Isa::available() {
+                let conv = Conv::new(isa, algorithm, shape, &weights, &bias);
+                assert_eq!(conv.algorithm(), algorithm);
+                for threads in [1, 3].map(Threads::new) {
+                    let mut out = vec![f32::NAN; expected.len()];
+                    let mut scratch = vec![f32::NAN; conv.scratch_len(size, &threads)];
+                    threads.enter(|| conv.run(&threads, &values, size, &mut out, &mut scratch));
+                    let error =
+                        out.iter().zip(&expected).map(|(y, e)| (f64::from(*y) - e).powi(2)).sum::<f64>();
+                    let error = (error / expected.len() as f64).sqrt() / rms;
+                    let most = out.iter().zip(&expected).map(|(y, e)| (f64::from(*y) - e).abs() / rms);
+                    let most = most.fold(0.0, f64::max);
+                    let what = format!("{shape:?} on {size:?}, {isa}, {}", algorithm.name());
+                    assert!(error < allowed && most < 6.0 * allowed, "{what}: {error}, at most {most}");
+                    // The transforms' roundings may turn a word here and there, the sums are the same.
+                    let first = first.get_or_insert_with(|| out.clone());
+                    let most = out.iter().zip(&*first).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                    assert!(f64::from(most) < allowed * rms, "{isa} differs by {most}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn words_come_close_to_the_reference() {
+        let ranges = [Quantization::of_range(-1.0, 1.0), Quantization::of_range(0.0, 1.5)];
+        for (i, n) in [1, 4, 7, 8, 15, 16, 17, 33, 48, 80].into_iter().enumerate() {
+            for (in_channels, kernel, pad) in [(1, 3, 0), (5, 3, 1), (16, 5, 0), (19, 3, 0), (70, 5, 2)] {
+                let relu = i % 2 == 0;
+                let shape = ConvShape { in_channels, out_channels: n, kernel, stride: 1, pad, relu };
+                check_words(shape, Size { h: 9, w: 5 + 3 * i }, ranges[i % 2]);
+            }
+        }
+        let shape =
+            ConvShape { in_channels: 48, out_channels: 40, kernel: 3, stride: 1, pad: 0, relu: false };
+        check_words(shape, Size { h: 50, w: 47 }, ranges[1]);
+    }
+
     #[test]
     fn plans_follow_the_measurements() {
         use Algorithm::{Direct, Winograd6, Winograd8, Winograd10};
@@ -520,15 +598,22 @@ mod tests {
     }
 
     #[test]
-    fn bytes_where_they_are_faster() {
+    fn integers_where_they_are_faster() {
+        use Algorithm::{Int8, Winograd8, Words8};
         let input = Quantization { scale: 1.0, zero_point: 0 };
-        let plan = |kernel, in_channels, out_channels, side| {
-            let shape = ConvShape { in_channels, out_channels, kernel, stride: 1, pad: 0, relu: true };
-            Algorithm::plan_bytes(&shape, Size::square(side), input)
-        };
-        assert_eq!(plan(5, 48, 128, 73), Algorithm::Winograd10);
-        assert_eq!(plan(3, 192, 192, 32), Algorithm::Int8(input));
-        assert_eq!(plan(3, 128, 128, 23), Algorithm::Int8(input));
+        for isa in Isa::available() {
+            let plan = |in_channels, out_channels, side| {
+                let shape = ConvShape { in_channels, out_channels, kernel: 3, stride: 1, pad: 0, relu: true };
+                Algorithm::plan_integers(isa, &shape, Size::square(side), input)
+            };
+            let (large, small) = (plan(192, 192, 32), plan(64, 64, 19));
+            match (isa.bytes_speed(), isa.words_speed()) {
+                (4, 2) => assert_eq!((large, small), (Words8(input), Int8(input)), "{isa}"),
+                (1, 2) => assert_eq!((large, small), (Words8(input), Words8(input)), "{isa}"),
+                (4, 1) => assert_eq!((large, small), (Int8(input), Int8(input)), "{isa}"),
+                _ => assert_eq!((large, small), (Winograd8, Winograd8), "{isa}"),
+            }
+        }
     }
 
     #[test]

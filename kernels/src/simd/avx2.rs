@@ -1,6 +1,6 @@
 //! Eight lanes: AVX2 with FMA.
 
-use super::{Dot, DotKernel, Kernel, Simd};
+use super::{Dot, DotKernel, Kernel, Simd, WORD_MAX};
 use std::arch::x86_64::*;
 
 /// Proof that this machine has AVX2 and FMA.
@@ -94,6 +94,20 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn store_words(self, v: __m256, dst: &mut [i16]) {
+        assert!(dst.len() >= 8);
+        let most = f32::from(WORD_MAX);
+        // SAFETY: there is room for eight words, the store is unaligned, `self` proves AVX2.
+        unsafe {
+            let held = _mm256_min_ps(_mm256_max_ps(v, _mm256_set1_ps(-most)), _mm256_set1_ps(most));
+            let rounded = _mm256_cvtps_epi32(held);
+            let words =
+                _mm_packs_epi32(_mm256_castsi256_si128(rounded), _mm256_extracti128_si256::<1>(rounded));
+            _mm_storeu_si128(dst.as_mut_ptr().cast(), words);
+        }
+    }
+
+    #[inline(always)]
     fn add(self, a: __m256, b: __m256) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_add_ps(a, b) }
@@ -143,6 +157,7 @@ impl Avx2Vnni {
     /// Runs `kernel` in a function that is compiled with these instructions.
     #[inline]
     pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[inline(never)]
         #[target_feature(enable = "avx2,fma,avxvnni")]
         fn inner<K: DotKernel>(dot: Avx2Vnni, kernel: K) -> K::Output {
             kernel.run(dot)
@@ -156,6 +171,7 @@ impl Dot for Avx2Vnni {
     type Float = Avx2;
     type I32 = __m256i;
     type Bytes = __m256i;
+    type Pairs = __m256i;
     type Weights = __m256i;
     const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
 
@@ -187,9 +203,31 @@ impl Dot for Avx2Vnni {
     }
 
     #[inline(always)]
+    fn splat_pair(self, x: [i16; 2]) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_set1_epi32(bytemuck::cast(x)) }
+    }
+
+    #[inline(always)]
+    fn load_pairs(self, pairs: &[[i16; 2]]) -> __m256i {
+        self.0.load_words(pairs)
+    }
+
+    #[inline(always)]
+    fn dot_pairs(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX-VNNI.
+        unsafe { _mm256_dpwssd_avx_epi32(sum, x, w) }
+    }
+
+    #[inline(always)]
     fn to_f32(self, sum: __m256i) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_cvtepi32_ps(sum) }
+    }
+
+    #[inline(always)]
+    fn call<K: DotKernel>(self, kernel: K) -> K::Output {
+        self.enter_dot(kernel)
     }
 }
 
@@ -198,6 +236,7 @@ impl Dot for Avx2 {
     type Float = Avx2;
     type I32 = __m256i;
     type Bytes = [__m256i; 2];
+    type Pairs = __m256i;
     type Weights = [__m256i; 2];
     const TILE_PIXELS: [usize; 4] = [0, 8, 4, 2];
 
@@ -237,9 +276,31 @@ impl Dot for Avx2 {
     }
 
     #[inline(always)]
+    fn splat_pair(self, x: [i16; 2]) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_set1_epi32(bytemuck::cast(x)) }
+    }
+
+    #[inline(always)]
+    fn load_pairs(self, pairs: &[[i16; 2]]) -> __m256i {
+        self.load_words(pairs)
+    }
+
+    #[inline(always)]
+    fn dot_pairs(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
+        // SAFETY: `self` proves AVX2.
+        unsafe { _mm256_add_epi32(sum, _mm256_madd_epi16(x, w)) }
+    }
+
+    #[inline(always)]
     fn to_f32(self, sum: __m256i) -> __m256 {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_cvtepi32_ps(sum) }
+    }
+
+    #[inline(always)]
+    fn call<K: DotKernel>(self, kernel: K) -> K::Output {
+        self.enter_dot(kernel)
     }
 }
 
@@ -247,6 +308,7 @@ impl Avx2 {
     /// Runs `kernel` in a function that is compiled with these instructions.
     #[inline]
     pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[inline(never)]
         #[target_feature(enable = "avx2,fma")]
         fn inner<K: DotKernel>(dot: Avx2, kernel: K) -> K::Output {
             kernel.run(dot)
@@ -260,6 +322,13 @@ impl Avx2 {
         assert!(weights.len() >= 8);
         // SAFETY: eight times four bytes are there, the load is unaligned, `self` proves AVX2.
         unsafe { _mm256_loadu_si256(weights.as_ptr().cast()) }
+    }
+
+    #[inline(always)]
+    fn load_words(self, pairs: &[[i16; 2]]) -> __m256i {
+        assert!(pairs.len() >= 8);
+        // SAFETY: eight pairs are there, the load is unaligned, `self` proves AVX2.
+        unsafe { _mm256_loadu_si256(pairs.as_ptr().cast()) }
     }
 
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Sixteen lanes: AVX-512.
 
-use super::{Dot, DotKernel, Kernel, Simd};
+use super::{Dot, DotKernel, Kernel, Simd, WORD_MAX};
 use std::arch::x86_64::*;
 
 /// Proof that this machine has AVX-512 F, BW, DQ and VL (every AVX-512 processor since 2017), AVX2 and FMA.
@@ -92,6 +92,17 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn store_words(self, v: __m512, dst: &mut [i16]) {
+        assert!(dst.len() >= 16);
+        let most = f32::from(WORD_MAX);
+        // SAFETY: there is room for sixteen words, the store is unaligned, `self` proves AVX-512 F.
+        unsafe {
+            let held = _mm512_min_ps(_mm512_max_ps(v, _mm512_set1_ps(-most)), _mm512_set1_ps(most));
+            _mm256_storeu_si256(dst.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(_mm512_cvtps_epi32(held)));
+        }
+    }
+
+    #[inline(always)]
     fn add(self, a: __m512, b: __m512) -> __m512 {
         // SAFETY: `self` proves AVX-512 F.
         unsafe { _mm512_add_ps(a, b) }
@@ -141,6 +152,7 @@ impl Avx512Vnni {
     /// Runs `kernel` in a function that is compiled with these instructions.
     #[inline]
     pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[inline(never)]
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx2,fma")]
         fn inner<K: DotKernel>(dot: Avx512Vnni, kernel: K) -> K::Output {
             kernel.run(dot)
@@ -154,6 +166,7 @@ impl Dot for Avx512Vnni {
     type Float = Avx512;
     type I32 = __m512i;
     type Bytes = __m512i;
+    type Pairs = __m512i;
     type Weights = __m512i;
     const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
 
@@ -185,9 +198,31 @@ impl Dot for Avx512Vnni {
     }
 
     #[inline(always)]
+    fn splat_pair(self, x: [i16; 2]) -> __m512i {
+        // SAFETY: `self` proves AVX-512 F.
+        unsafe { _mm512_set1_epi32(bytemuck::cast(x)) }
+    }
+
+    #[inline(always)]
+    fn load_pairs(self, pairs: &[[i16; 2]]) -> __m512i {
+        self.0.load_words(pairs)
+    }
+
+    #[inline(always)]
+    fn dot_pairs(self, x: __m512i, w: __m512i, sum: __m512i) -> __m512i {
+        // SAFETY: `self` proves AVX-512 VNNI.
+        unsafe { _mm512_dpwssd_epi32(sum, x, w) }
+    }
+
+    #[inline(always)]
     fn to_f32(self, sum: __m512i) -> __m512 {
         // SAFETY: `self` proves AVX-512 F.
         unsafe { _mm512_cvtepi32_ps(sum) }
+    }
+
+    #[inline(always)]
+    fn call<K: DotKernel>(self, kernel: K) -> K::Output {
+        self.enter_dot(kernel)
     }
 }
 
@@ -196,6 +231,7 @@ impl Dot for Avx512 {
     type Float = Avx512;
     type I32 = __m512i;
     type Bytes = [__m512i; 2];
+    type Pairs = __m512i;
     type Weights = [__m512i; 2];
     const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
 
@@ -235,9 +271,31 @@ impl Dot for Avx512 {
     }
 
     #[inline(always)]
+    fn splat_pair(self, x: [i16; 2]) -> __m512i {
+        // SAFETY: `self` proves AVX-512 F.
+        unsafe { _mm512_set1_epi32(bytemuck::cast(x)) }
+    }
+
+    #[inline(always)]
+    fn load_pairs(self, pairs: &[[i16; 2]]) -> __m512i {
+        self.load_words(pairs)
+    }
+
+    #[inline(always)]
+    fn dot_pairs(self, x: __m512i, w: __m512i, sum: __m512i) -> __m512i {
+        // SAFETY: `self` proves AVX-512 F and BW.
+        unsafe { _mm512_add_epi32(sum, _mm512_madd_epi16(x, w)) }
+    }
+
+    #[inline(always)]
     fn to_f32(self, sum: __m512i) -> __m512 {
         // SAFETY: `self` proves AVX-512 F.
         unsafe { _mm512_cvtepi32_ps(sum) }
+    }
+
+    #[inline(always)]
+    fn call<K: DotKernel>(self, kernel: K) -> K::Output {
+        self.enter_dot(kernel)
     }
 }
 
@@ -245,6 +303,7 @@ impl Avx512 {
     /// Runs `kernel` in a function that is compiled with these instructions.
     #[inline]
     pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[inline(never)]
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
         fn inner<K: DotKernel>(dot: Avx512, kernel: K) -> K::Output {
             kernel.run(dot)
@@ -258,6 +317,13 @@ impl Avx512 {
         assert!(weights.len() >= 16);
         // SAFETY: sixteen times four bytes are there, the load is unaligned, `self` proves AVX-512 F.
         unsafe { _mm512_loadu_si512(weights.as_ptr().cast()) }
+    }
+
+    #[inline(always)]
+    fn load_words(self, pairs: &[[i16; 2]]) -> __m512i {
+        assert!(pairs.len() >= 16);
+        // SAFETY: sixteen pairs are there, the load is unaligned, `self` proves AVX-512 F.
+        unsafe { _mm512_loadu_si512(pairs.as_ptr().cast()) }
     }
 
     #[inline(always)]

@@ -24,6 +24,10 @@ pub use neon::NeonDot;
 pub(crate) use portable::Line;
 pub use portable::Portable;
 
+/// Largest magnitude that [`Simd::store_words`] writes: a bit less than 16 bits hold, which leaves one more to the other factor before sums of
+/// products overflow.
+pub const WORD_MAX: i16 = (1 << 14) - 1;
+
 /// A computation whose body is compiled once per instruction set.
 pub trait Kernel {
     /// What it returns.
@@ -71,6 +75,10 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// becomes 0. Panics if it is shorter.
     fn store_bytes(self, v: Self::F32, dst: &mut [u8]);
 
+    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in `-WORD_MAX..=WORD_MAX`.
+    /// Panics if it is shorter.
+    fn store_words(self, v: Self::F32, dst: &mut [i16]);
+
     /// `a + b`.
     fn add(self, a: Self::F32, b: Self::F32) -> Self::F32;
 
@@ -104,8 +112,8 @@ pub trait DotKernel {
     fn run<D: Dot>(self, dot: D) -> Self::Output;
 }
 
-/// Dot products of `u8` activations with `i8` weights, four at a time, summed in `i32`. `self` is the proof that the
-/// instructions exist.
+/// Dot products of integers, summed in `i32`: of `u8` activations with `i8` weights, four at a time, and of `i16` with `i16`, two at a time.
+/// `self` is the proof that the instructions exist.
 ///
 /// Integers have one right answer: every instruction set gives the same sums.
 pub trait Dot: Copy + Send + Sync + 'static {
@@ -120,6 +128,9 @@ pub trait Dot: Copy + Send + Sync + 'static {
 
     /// Four weights per lane.
     type Weights: Copy;
+
+    /// Two `i16` per lane.
+    type Pairs: Copy;
 
     /// As [`Simd::TILE_PIXELS`].
     const TILE_PIXELS: [usize; 4];
@@ -140,11 +151,29 @@ pub trait Dot: Copy + Send + Sync + 'static {
     /// The first `LANES` sums. Panics if there are fewer.
     fn sums(self, from: &[i32]) -> Self::I32;
 
+    /// All sums 0.
+    #[inline(always)]
+    fn zero(self) -> Self::I32 {
+        self.sums(&[0; 64])
+    }
+
     /// `sum + x[0] w[0] + x[1] w[1] + x[2] w[2] + x[3] w[3]`, in every lane, each `x` less [`OFFSET`](Self::OFFSET).
     fn dot(self, x: Self::Bytes, w: Self::Weights, sum: Self::I32) -> Self::I32;
 
+    /// The same pair in every lane.
+    fn splat_pair(self, x: [i16; 2]) -> Self::Pairs;
+
+    /// The pairs of the first `LANES` lanes. Panics if there are fewer.
+    fn load_pairs(self, pairs: &[[i16; 2]]) -> Self::Pairs;
+
+    /// `sum + x[0] w[0] + x[1] w[1]`, in every lane.
+    fn dot_pairs(self, x: Self::Pairs, w: Self::Pairs, sum: Self::I32) -> Self::I32;
+
     /// Every sum rounded to `f32`.
     fn to_f32(self, sum: Self::I32) -> <Self::Float as Simd>::F32;
+
+    /// As [`Simd::call`].
+    fn call<K: DotKernel>(self, kernel: K) -> K::Output;
 }
 
 /// Clears the upper halves of the vector registers, where there are such.
@@ -201,6 +230,15 @@ mod tests {
                 s.store_bytes(s.splat(x), &mut bytes);
                 assert!(bytes.iter().all(|byte| *byte == expected), "{x}: {bytes:?}");
             }
+            let mut words = vec![7; n];
+            s.store_words(va, &mut words);
+            assert_eq!(words, a.iter().map(|x| x.round_ties_even() as i16).collect::<Vec<_>>());
+            for (x, expected) in [(-1e30, -WORD_MAX), (16383.4, WORD_MAX), (f32::INFINITY, WORD_MAX)] {
+                s.store_words(s.splat(x), &mut words);
+                assert!(words.iter().all(|word| *word == expected), "{x}: {words:?}");
+            }
+            s.store_words(s.splat(f32::NAN), &mut words);
+            assert!(words.iter().all(|word| word.abs() <= WORD_MAX), "{words:?}");
             for len in 0..=n + 1 {
                 let partial: Vec<f32> = (0..len).map(|i| i as f32 + 1.0).collect();
                 check(s.load_partial(&partial), &|i| partial.get(i).copied().unwrap_or(0.0));
@@ -236,6 +274,19 @@ mod tests {
                 let product = |w: &[i8; 4]| -> i32 { (0..4).map(|i| term(w, i)).sum() };
                 let expected: Vec<f32> =
                     weights.iter().zip(&start).map(|(w, s)| (s + 2 * product(w)) as f32).collect();
+                assert_eq!(found, expected);
+            }
+            let word = |i: usize| [32767i16, -32768, 1, -1, 12345, -777, 0, 16383][i % 8];
+            let pairs: Vec<[i16; 2]> = (0..n).map(|l| [word(3 * l), word(l + 5)]).collect();
+            for first in 0..8 {
+                let x = [word(first).max(-WORD_MAX).min(WORD_MAX), word(first + 3) / 4];
+                let lanes = dot.load_pairs(&pairs);
+                let mut found = vec![f32::NAN; n];
+                let sum = dot.dot_pairs(dot.splat_pair(x), lanes, dot.sums(&start));
+                dot.float().store(dot.to_f32(sum), &mut found);
+                let product = |w: &[i16; 2]| (0..2).map(|i| i32::from(x[i]) * i32::from(w[i])).sum::<i32>();
+                let expected: Vec<f32> =
+                    pairs.iter().zip(&start).map(|(w, s)| (s + product(w)) as f32).collect();
                 assert_eq!(found, expected);
             }
         }

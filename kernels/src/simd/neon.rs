@@ -18,6 +18,7 @@ impl NeonDot {
     /// Runs `kernel` in a function that is compiled with these instructions.
     #[inline]
     pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
+        #[inline(never)]
         #[target_feature(enable = "neon,dotprod")]
         fn inner<K: DotKernel>(dot: NeonDot, kernel: K) -> K::Output {
             kernel.run(dot)
@@ -32,6 +33,7 @@ impl Dot for NeonDot {
     type Float = Portable;
     type I32 = int32x4_t;
     type Bytes = int8x16_t;
+    type Pairs = int16x8_t;
     type Weights = int8x16_t;
     const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
     const OFFSET: i32 = 128;
@@ -79,10 +81,37 @@ impl Dot for NeonDot {
     }
 
     #[inline(always)]
+    fn splat_pair(self, x: [i16; 2]) -> int16x8_t {
+        // SAFETY: NEON is part of aarch64.
+        unsafe { vreinterpretq_s16_s32(vdupq_n_s32(bytemuck::cast(x))) }
+    }
+
+    #[inline(always)]
+    fn load_pairs(self, pairs: &[[i16; 2]]) -> int16x8_t {
+        assert!(pairs.len() >= 4);
+        // SAFETY: four pairs are there, the load is unaligned, NEON is part of aarch64.
+        unsafe { vld1q_s16(pairs.as_ptr().cast()) }
+    }
+
+    #[inline(always)]
+    fn dot_pairs(self, x: int16x8_t, w: int16x8_t, sum: int32x4_t) -> int32x4_t {
+        // SAFETY: NEON is part of aarch64.
+        unsafe {
+            let low = vmull_s16(vget_low_s16(x), vget_low_s16(w));
+            vaddq_s32(sum, vpaddq_s32(low, vmull_high_s16(x, w)))
+        }
+    }
+
+    #[inline(always)]
     fn to_f32(self, sum: int32x4_t) -> wide::f32x4 {
         let mut lanes = [0; 4];
         // SAFETY: there is room for four values, NEON is part of aarch64.
         unsafe { vst1q_s32(lanes.as_mut_ptr(), sum) }
         wide::f32x4::from_i32x4(wide::i32x4::new(lanes))
+    }
+
+    #[inline(always)]
+    fn call<K: DotKernel>(self, kernel: K) -> K::Output {
+        self.enter_dot(kernel)
     }
 }

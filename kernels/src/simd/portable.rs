@@ -1,6 +1,6 @@
 //! Four lanes through the crate `wide`: SSE2 on x86-64, NEON on aarch64, plain Rust elsewhere.
 
-use super::{Dot, Kernel, Simd};
+use super::{Dot, DotKernel, Kernel, Simd, WORD_MAX};
 use wide::{f32x4, i16x8, i32x4, u16x8};
 
 /// Sixteen values in one cache line of 64 bytes: a `Vec` of them begins with one, and reads as `f32` through bytemuck.
@@ -59,6 +59,13 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn store_words(self, v: f32x4, dst: &mut [i16]) {
+        let (words, _) = dst.split_first_chunk_mut::<4>().expect("a whole vector");
+        let most = f32::from(WORD_MAX);
+        *words = v.to_array().map(|x| x.clamp(-most, most).round_ties_even() as i16);
+    }
+
+    #[inline(always)]
     fn add(self, a: f32x4, b: f32x4) -> f32x4 {
         a + b
     }
@@ -84,6 +91,7 @@ impl Dot for Portable {
     type Float = Portable;
     type I32 = i32x4;
     type Bytes = [i16x8; 2];
+    type Pairs = i16x8;
     type Weights = [i16x8; 2];
     const TILE_PIXELS: [usize; 4] = [0, 8, 4, 2];
 
@@ -117,7 +125,28 @@ impl Dot for Portable {
     }
 
     #[inline(always)]
+    fn splat_pair(self, x: [i16; 2]) -> i16x8 {
+        bytemuck::cast([x; 4])
+    }
+
+    #[inline(always)]
+    fn load_pairs(self, pairs: &[[i16; 2]]) -> i16x8 {
+        let (pairs, _) = pairs.split_first_chunk::<4>().expect("a whole vector");
+        bytemuck::cast(*pairs)
+    }
+
+    #[inline(always)]
+    fn dot_pairs(self, x: i16x8, w: i16x8, sum: i32x4) -> i32x4 {
+        sum + x.dot(w)
+    }
+
+    #[inline(always)]
     fn to_f32(self, sum: i32x4) -> f32x4 {
         f32x4::from_i32x4(sum)
+    }
+
+    #[inline(never)]
+    fn call<K: DotKernel>(self, kernel: K) -> K::Output {
+        kernel.run(self)
     }
 }

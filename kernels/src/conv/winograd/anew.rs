@@ -22,7 +22,7 @@
 
 use super::super::ConvShape;
 use super::points::point;
-use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
+use super::transforms::{Floats, HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
 use super::{LINE, Rows, Winograd, from_line, pack, rows_per_tile, step};
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
@@ -133,7 +133,7 @@ impl Rows<'_, Weights> {
             let tiles = (out.len() / (width * cout)).div_ceil(M) * across;
             let plan = &Plan::new(weights, shape, A, tiles);
             let tiles = Tiles { across, range: 0..tiles };
-            simd.call(InputTiles::<_, A, M> {
+            simd.call(InputTiles::<_, _, A, M> {
                 input,
                 size,
                 channels: shape.in_channels,
@@ -146,6 +146,7 @@ impl Rows<'_, Weights> {
                     .clone()
                     .map(|tile| tile / plan.group * plan.v_len + tile % plan.group * S::LANES),
                 steps: Steps { point: plan.v_step, vector: plan.group * S::LANES },
+                to: Floats,
             });
             let products = Products::<A, M> {
                 plan,

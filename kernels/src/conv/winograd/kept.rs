@@ -20,11 +20,11 @@
 use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix};
-use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
-use super::{LINE, Rows, Winograd, from_line, pack, rows_per_tile, step};
+use super::strips::{self, Plan, Strip};
+use super::transforms::{Floats, HalfOutputs, InputTiles, OutputTiles, Steps, Tiles};
+use super::{LINE, Rows, Winograd, from_line, pack};
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
-use std::ops::Range;
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
@@ -39,13 +39,26 @@ impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Weights {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
-        let taps = pack(isa, shape, blocks(vectors), weights);
         let channels = vectors * isa.lanes();
-        let mut u = Aligned::zeros(points * points * shape.in_channels * channels);
-        isa.run(TransformKernels { shape, points, taps: &taps, out: &mut u });
+        let u = transform_kernels(isa, shape, points, weights);
         let widest = blocks(vectors).max().unwrap_or(0);
         Weights { channels, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest), u }
     }
+
+    fn plan(&self, shape: &ConvShape, points: usize, out: Size) -> Plan {
+        let Weights { channels, lanes, group, ref u } = *self;
+        let kernels = strips::Kernels { inputs: shape.in_channels, channels, lanes, group, values: u.len() };
+        Plan::new(&kernels, shape, points, out)
+    }
+}
+
+/// `U` as [`Weights`] keep it, of kernels `[Cout, k, k, Cin]`.
+pub(super) fn transform_kernels(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Aligned<f32> {
+    let vectors = shape.out_channels.div_ceil(isa.lanes());
+    let taps = pack(isa, shape, blocks(vectors), weights);
+    let mut u = Aligned::zeros(points * points * shape.in_channels * vectors * isa.lanes());
+    isa.run(TransformKernels { shape, points, taps: &taps, out: &mut u });
+    u
 }
 
 /// `U = G g G^T` of all kernels.
@@ -53,7 +66,7 @@ struct TransformKernels<'a> {
     shape: &'a ConvShape,
     points: usize,
     taps: &'a [f32],    // as `pack` lays them
-    out: &'a mut [f32], // `Weights::u`
+    out: &'a mut [f32], // as `Weights::u`
 }
 
 impl Kernel for TransformKernels<'_> {
@@ -62,6 +75,8 @@ impl Kernel for TransformKernels<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         match (self.points, self.shape.kernel) {
+            (6, 3) => self.run_sized::<S, 6, 3>(simd),
+            (8, 3) => self.run_sized::<S, 8, 3>(simd),
             (6, 5) => self.run_sized::<S, 6, 5>(simd),
             (8, 5) => self.run_sized::<S, 8, 5>(simd),
             (10, 5) => self.run_sized::<S, 10, 5>(simd),
@@ -133,85 +148,9 @@ impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
     }
 }
 
-/// Values of `V` and `M A` in a strip: so many, or this share of those of `U`. Smaller strips read `U` more often; of larger
-/// ones less is still in the caches when it is needed again.
-const STRIP_VALUES: usize = 256 << 10;
-const STRIP_SHARE: usize = 8;
-
-/// How a map is cut into tiles, and the scratch space for a strip of them.
-///
-/// `V` lies group by group (as many tiles as a register tile takes), in a group point by point: its transform, which
-/// touches all points of a tile, stays within few pages of memory.
-struct Plan {
-    across: usize,    // tiles in a row
-    strip: usize,     // most tiles in a strip
-    lines_len: usize, // B^T d of a row of tiles
-    group: usize,     // most tiles in a group
-    v_step: usize,    // from one point's V to the next one's, within a group
-    v_len: usize,     // from one group's V to the next one's
-    m_len: usize,     // a row of M
-    half_step: usize, // from one row of points of M A to the next
-}
-
-impl Plan {
-    fn new(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> Plan {
-        let Weights { channels, lanes, group, ref u } = *weights;
-        let m = rows_per_tile(shape, points);
-        let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
-        let values = points * (points * shape.in_channels + m * channels); // of V and M A, per tile
-        let most = STRIP_VALUES.max(u.len() / STRIP_SHARE) / values;
-        let strips = (across * down).div_ceil(most.max(group));
-        let strip = (across * down).div_ceil(strips);
-        let strip = if strips > 1 { strip.next_multiple_of(group) } else { strip };
-        let v_step = step(group * shape.in_channels);
-        Plan {
-            across,
-            strip,
-            lines_len: lines_len(points, (across - 1) * m + points, shape.in_channels),
-            group,
-            v_step,
-            v_len: points * points * v_step,
-            m_len: points * strip * lanes,
-            half_step: step(m * strip * channels),
-        }
-    }
-
-    /// Values on the way to `V`, of `V`, of a row of `M`, and of `M A`.
-    fn lens(&self, points: usize) -> [usize; 4] {
-        let groups = self.strip.div_ceil(self.group);
-        [self.lines_len, groups * self.v_len, self.m_len, points * self.half_step]
-    }
-}
-
-/// Some tiles, counted along the rows from a thread's first.
-struct Strip<'a> {
-    plan: &'a Plan,
-    tiles: Range<usize>,
-}
-
-impl Strip<'_> {
-    /// The groups as two runs of equal ones, the larger first: how many there are, and of how many tiles each.
-    #[inline(always)]
-    fn runs(&self) -> [(usize, usize); 2] {
-        let groups = self.tiles.len().div_ceil(self.plan.group);
-        let (tiles, larger) = (self.tiles.len() / groups, self.tiles.len() % groups);
-        [(larger, tiles + 1), (groups - larger, tiles)]
-    }
-
-    /// Where each tile's V begins.
-    #[inline(always)]
-    fn places(&self, cin: usize) -> impl Iterator<Item = usize> {
-        let v_len = self.plan.v_len;
-        let groups = self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
-        groups
-            .enumerate()
-            .flat_map(move |(group, tiles)| (0..tiles).map(move |tile| group * v_len + tile * cin))
-    }
-}
-
 /// Scratch values per thread.
 pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> usize {
-    LINE + Plan::new(weights, shape, points, out).lens(points).iter().sum::<usize>()
+    LINE + weights.plan(shape, points, out).lens(points).iter().sum::<usize>()
 }
 
 impl Kernel for Rows<'_, Weights> {
@@ -237,7 +176,7 @@ impl Rows<'_, Weights> {
         let Winograd { bias, input, size, .. } = *conv;
         let ConvShape { in_channels: cin, out_channels: cout, relu, .. } = conv.weights.shape;
         let width = size.w + 1 - K;
-        let plan = &Plan::new(weights, &conv.weights.shape, A, Size { h: size.h + 1 - K, w: width });
+        let plan = &weights.plan(&conv.weights.shape, A, Size { h: size.h + 1 - K, w: width });
         let [lines_len, v_len, m_len, _] = plan.lens(A);
         let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
         let (v, scratch) = scratch.split_at_mut(v_len);
@@ -247,7 +186,7 @@ impl Rows<'_, Weights> {
         for first_tile in (0..all).step_by(plan.strip) {
             let strip = &Strip { plan, tiles: first_tile..all.min(first_tile + plan.strip) };
             let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
-            simd.call(InputTiles::<_, A, M> {
+            simd.call(InputTiles::<_, _, A, M> {
                 input,
                 size,
                 channels: cin,
@@ -257,6 +196,7 @@ impl Rows<'_, Weights> {
                 v: &mut *v,
                 places: strip.places(cin),
                 steps: Steps { point: plan.v_step, vector: S::LANES },
+                to: Floats,
             });
             let mut u = u;
             for (i, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {

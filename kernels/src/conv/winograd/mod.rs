@@ -28,14 +28,17 @@
 mod anew;
 mod kept;
 mod points;
+mod strips;
 mod transforms;
+mod words;
 
 use super::{ConvShape, fold};
 use crate::par::Threads;
+use crate::quant::Quantization;
 use crate::simd::Line;
 use crate::{Aligned, Isa, Size};
 pub use points::{MAX_KERNEL, kernel_row, pairs, share};
-pub use transforms::{Lines, Steps, lines_len};
+pub use transforms::{Floats, Lines, Steps, To, lines_len};
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
@@ -49,12 +52,18 @@ pub(super) struct Weights {
 enum Kernels {
     Kept(kept::Weights),
     Anew(anew::Weights),
+    Words(words::Weights),
 }
 
 /// Whether there is an algorithm of `points` for the kernel without its stride.
 pub(super) fn fits(shape: &ConvShape, points: usize) -> bool {
     [(6, 3), (8, 3), (6, 5), (8, 5), (10, 5), (8, 6), (10, 6)]
         .contains(&(points, fold::unstrided(shape).kernel))
+}
+
+/// Whether there is one on words.
+pub(super) fn fits_words(shape: &ConvShape, points: usize) -> bool {
+    shape.stride == 1 && [(6, 3), (8, 3), (8, 5)].contains(&(points, shape.kernel))
 }
 
 impl Weights {
@@ -76,6 +85,24 @@ impl Weights {
         Weights { shape: inner, points, kernels }
     }
 
+    /// From `[Cout, k, k, Cin]`, on words.
+    pub(super) fn words(
+        isa: Isa,
+        shape: &ConvShape,
+        points: usize,
+        weights: &[f32],
+        input: Quantization,
+    ) -> Weights {
+        let shape = fold::unstrided(shape);
+        let kernels = Kernels::Words(words::Weights::new(isa, &shape, points, weights, input));
+        Weights { shape, points, kernels }
+    }
+
+    /// The range of inputs, if it is on words.
+    pub(super) fn input(&self) -> Option<Quantization> {
+        if let Kernels::Words(weights) = &self.kernels { Some(weights.input) } else { None }
+    }
+
     /// The convolution without its stride.
     pub(super) fn shape(&self) -> &ConvShape {
         &self.shape
@@ -90,6 +117,7 @@ impl Weights {
         match &self.kernels {
             Kernels::Kept(weights) => kept::scratch_len(weights, &self.shape, self.points, out),
             Kernels::Anew(weights) => anew::scratch_len(weights, &self.shape, self.points, out),
+            Kernels::Words(weights) => words::scratch_len(weights, &self.shape, self.points, out),
         }
     }
 }
@@ -115,6 +143,9 @@ impl Winograd<'_> {
             }
             Kernels::Anew(weights) => {
                 self.isa.run(Rows { conv: self, weights, first_row, out, scratch });
+            }
+            Kernels::Words(weights) => {
+                self.isa.run_dot(Rows { conv: self, weights, first_row, out, scratch });
             }
         });
     }

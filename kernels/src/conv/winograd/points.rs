@@ -1,6 +1,6 @@
 //! The matrices of Winograd's algorithm, for one line: they follow from the points at which polynomials are multiplied.
 
-use crate::simd::Simd;
+use crate::simd::{Portable, Simd};
 
 /// The finite points but 0, each of which comes with both signs: two for 6 points, three for 8, four for 10. Fractions with a power of
 /// two below the line, so that the matrices that follow from them are exact; the four are those with the smallest error.
@@ -152,4 +152,27 @@ pub(super) fn output_values<S: Simd, const A: usize, const M: usize>(
         }
     }
     y
+}
+
+/// `B^T`, a row per point.
+pub(super) fn input_matrix(points: usize) -> Vec<Vec<f32>> {
+    match points {
+        6 => input_rows::<6>(),
+        8 => input_rows::<8>(),
+        _ => unreachable!("{points} points"),
+    }
+}
+
+/// The same: what becomes of each unit vector.
+fn input_rows<const A: usize>() -> Vec<Vec<f32>> {
+    let column = |j: usize| {
+        let unit: [_; A] = std::array::from_fn(|i| Portable.splat(f32::from(u8::from(i == j))));
+        input_points(Portable, &unit).map(|value| {
+            let mut lanes = [0.0; Portable::LANES];
+            Portable.store(value, &mut lanes);
+            lanes[0]
+        })
+    };
+    let columns: Vec<[f32; A]> = (0..A).map(column).collect();
+    (0..A).map(|i| columns.iter().map(|column| column[i]).collect()).collect()
 }

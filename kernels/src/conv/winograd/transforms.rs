@@ -22,24 +22,25 @@ impl Tiles {
 }
 
 /// `V = B^T d B` of some tiles.
-pub(super) struct InputTiles<'a, P, const A: usize, const M: usize> {
+pub(super) struct InputTiles<'a, P, T: To, const A: usize, const M: usize> {
     pub input: &'a [f32], // [size.h, size.w, channels]
     pub size: Size,
     pub channels: usize,
     pub first_row: usize, // of the outputs that tile 0 has
     pub tiles: Tiles,
     pub lines: &'a mut [f32], // room for B^T d of a row of tiles
-    pub v: &'a mut [f32],
+    pub v: &'a mut [T::Value],
     pub places: P, // of each tile in V
     pub steps: Steps,
+    pub to: T,
 }
 
-impl<P: Iterator<Item = usize>, const A: usize, const M: usize> Kernel for InputTiles<'_, P, A, M> {
+impl<P: Iterator<Item = usize>, T: To, const A: usize, const M: usize> Kernel for InputTiles<'_, P, T, A, M> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let InputTiles { input, size, channels, first_row, tiles, lines, v, mut places, steps } = self;
+        let InputTiles { input, size, channels, first_row, tiles, lines, v, mut places, steps, to } = self;
         let mut first = tiles.range.start;
         while first < tiles.range.end {
             let count = (tiles.across - first % tiles.across).min(tiles.range.end - first); // in this row
@@ -47,10 +48,32 @@ impl<P: Iterator<Item = usize>, const A: usize, const M: usize> Kernel for Input
             let mut lines = Lines { values: &mut *lines, columns: (count - 1) * M + A, channels };
             lines.fill::<S, A>(simd, input, size, (first_row + y, x));
             for (tile, place) in (0..count).zip(&mut places) {
-                lines.tile::<S, A>(simd, tile * M, &mut v[place..], steps);
+                lines.tile::<S, T, A>(simd, tile * M, &mut v[place..], steps, to);
             }
             first += count;
         }
+    }
+}
+
+/// What `V` is held in.
+pub trait To: Copy {
+    /// One value of it.
+    type Value;
+
+    /// Writes a vector of a point, which are counted row by row.
+    fn store<S: Simd>(self, simd: S, point: usize, v: S::F32, out: &mut [Self::Value]);
+}
+
+/// `V` in `f32`, as it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Floats;
+
+impl To for Floats {
+    type Value = f32;
+
+    #[inline(always)]
+    fn store<S: Simd>(self, simd: S, _: usize, v: S::F32, out: &mut [f32]) {
+        simd.store(v, out);
     }
 }
 
@@ -114,7 +137,14 @@ impl Lines<'_> {
     /// tile there must be room for it.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // as above
-    pub fn tile<S: Simd, const A: usize>(&self, simd: S, column: usize, v: &mut [f32], steps: Steps) {
+    pub fn tile<S: Simd, T: To, const A: usize>(
+        &self,
+        simd: S,
+        column: usize,
+        v: &mut [T::Value],
+        steps: Steps,
+        to: T,
+    ) {
         let Lines { columns, channels, .. } = *self;
         let from_step = step(columns * channels);
         for vector in 0..channels.div_ceil(S::LANES) {
@@ -125,7 +155,8 @@ impl Lines<'_> {
                     d[j] = simd.load(&line[j * channels..]);
                 }
                 for (j, value) in input_points::<S, A>(simd, &d).into_iter().enumerate() {
-                    simd.store(value, &mut v[(i * A + j) * steps.point + vector * steps.vector..]);
+                    let point = i * A + j;
+                    to.store(simd, point, value, &mut v[point * steps.point + vector * steps.vector..]);
                 }
             }
         }
