@@ -5,6 +5,7 @@
 //! results do not depend on the number of threads.
 
 use core_affinity::CoreId;
+use std::ops::Range;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -122,6 +123,152 @@ fn split<T: Send>(
     );
 }
 
+/// How a map lies in tiles, which are counted along its rows.
+#[derive(Clone, Copy, Debug)]
+pub struct Tiling {
+    /// Values of a row of the map.
+    pub row_len: usize,
+    /// Rows of a tile, at most [`Tiling::ROWS`]; the last ones may have fewer.
+    pub rows: usize,
+    /// Values of a row of a tile; those at the end of a row of tiles may have fewer.
+    pub len: usize,
+}
+
+impl Tiling {
+    /// Most rows of a tile.
+    pub const ROWS: usize = 6;
+
+    /// Tiles in a row.
+    fn across(&self) -> usize {
+        self.row_len.div_ceil(self.len)
+    }
+}
+
+/// One thread's tiles, and the part of the map that they cover.
+#[derive(Debug)]
+pub struct Share<'a> {
+    /// The map's row in which the first tile begins.
+    pub first_row: usize,
+    /// The tiles, counted from the first one in that row.
+    pub tiles: Range<usize>,
+    /// What they write.
+    pub map: Tiles<'a>,
+    /// This thread's part of the scratch space.
+    pub scratch: &'a mut [f32],
+}
+
+/// A map from one tile to another.
+#[derive(Debug)]
+pub struct Tiles<'a> {
+    tiling: Tiling,
+    head: [&'a mut [f32]; Tiling::ROWS], // the ends of the first tiles' rows, where another thread has their beginnings
+    out: &'a mut [f32],                  // whole rows
+    tail: [&'a mut [f32]; Tiling::ROWS], // the beginnings of the last tiles' rows, likewise
+}
+
+/// Some rows of a map, each from its first value of one tile on; those that are not there are empty.
+#[derive(Debug)]
+pub enum TileRows<'a> {
+    /// Rows that are whole, one behind the other.
+    Whole(&'a mut [f32], usize),
+    /// Rows that end where this part of the map does.
+    Cut([&'a mut [f32]; Tiling::ROWS]),
+}
+
+impl TileRows<'_> {
+    /// One of the rows.
+    #[inline(always)]
+    pub fn row(&mut self, i: usize) -> &mut [f32] {
+        match self {
+            TileRows::Whole(values, row_len) => &mut values[i * *row_len..],
+            TileRows::Cut(rows) => rows[i],
+        }
+    }
+}
+
+impl Tiles<'_> {
+    /// Rows of the map from that on in which the first tile begins.
+    pub fn height(&self) -> usize {
+        let shared = [&self.head, &self.tail].map(|rows| rows.iter().filter(|row| !row.is_empty()).count());
+        self.out.len() / self.tiling.row_len + shared[0] + shared[1]
+    }
+
+    /// The rows of the tile in this column of that row of tiles, counted as [`Share::tiles`] are.
+    #[inline(always)]
+    pub fn tile(&mut self, band: usize, column: usize) -> TileRows<'_> {
+        let Tiling { row_len, rows, len } = self.tiling;
+        let (head, first) = (self.head[0].len(), column * len);
+        let shared = usize::from(head > 0);
+        if band < shared {
+            let rows = self.head.each_mut();
+            return TileRows::Cut(
+                rows.map(|row| if row.is_empty() { row } else { &mut row[head + first - row_len..] }),
+            );
+        }
+        let start = (band - shared) * rows * row_len;
+        if start < self.out.len() {
+            return TileRows::Whole(&mut self.out[start + first..], row_len);
+        }
+        TileRows::Cut(self.tail.each_mut().map(|row| if row.is_empty() { row } else { &mut row[first..] }))
+    }
+}
+
+impl Threads {
+    /// As [`split_rows_with`](Self::split_rows_with) where whole rows of tiles would be too uneven: each thread gets as many tiles as the others.
+    pub fn split_tiles(
+        &self,
+        out: &mut [f32],
+        tiling: Tiling,
+        scratch: &mut [f32],
+        work: impl Fn(Share<'_>) + Sync,
+    ) {
+        let Tiling { row_len, rows, .. } = tiling;
+        assert!(rows <= Tiling::ROWS && out.len().is_multiple_of(row_len), "{tiling:?} in {}", out.len());
+        let bands = out.len().div_ceil(rows * row_len);
+        // So many that each has a whole row of tiles at least: then two share one at most.
+        let threads = self.count.min(bands);
+        let map = Tiles { tiling, head: Default::default(), out, tail: Default::default() };
+        split_tiles(threads, 0..bands * tiling.across(), map, scratch, &work);
+    }
+}
+
+fn split_tiles(
+    threads: usize,
+    tiles: Range<usize>,
+    map: Tiles<'_>,
+    scratch: &mut [f32],
+    work: &(impl Fn(Share<'_>) + Sync),
+) {
+    let Tiling { row_len, rows, len } = map.tiling;
+    let across = map.tiling.across();
+    if threads <= 1 {
+        let skipped = tiles.start % across;
+        let first_row = tiles.start / across * rows;
+        return work(Share { first_row, tiles: skipped..skipped + tiles.len(), map, scratch });
+    }
+    let left = threads / 2;
+    let middle = tiles.start + tiles.len() * left / threads;
+    let Tiles { tiling, head, out, tail } = map;
+    let bands = middle / across - tiles.start.div_ceil(across); // whole ones of the left part
+    let (out_a, rest) = out.split_at_mut(bands * rows * row_len);
+    let shared = if middle.is_multiple_of(across) { 0 } else { rows * row_len };
+    let (band, out_b) = rest.split_at_mut(shared);
+    let mut ends = band.chunks_exact_mut(row_len).map(|row| row.split_at_mut(middle % across * len));
+    let (mut tail_a, mut head_b): ([&mut [f32]; Tiling::ROWS], _) = Default::default();
+    for ((tail, head), (a, b)) in
+        tail_a.iter_mut().zip::<&mut [&mut [f32]; Tiling::ROWS]>(&mut head_b).zip(&mut ends)
+    {
+        (*tail, *head) = (a, b);
+    }
+    let (scratch_a, scratch_b) = scratch.split_at_mut(scratch.len() / threads * left);
+    let a = Tiles { tiling, head, out: out_a, tail: tail_a };
+    let b = Tiles { tiling, head: head_b, out: out_b, tail };
+    rayon::join(
+        || split_tiles(left, tiles.start..middle, a, scratch_a, work),
+        || split_tiles(threads - left, middle..tiles.end, b, scratch_b, work),
+    );
+}
+
 /// A choice of processor cores, as the system numbers them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cores([u64; 4]);
@@ -183,6 +330,39 @@ impl FromStr for Cores {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tiles_are_shared_evenly() {
+        let (width, height, channels) = (23, 17, 2);
+        let tiling = Tiling { row_len: width * channels, rows: 4, len: 5 * channels };
+        for count in 1..9 {
+            let threads = Threads::new(count);
+            let mut out = vec![0.0; height * tiling.row_len];
+            let mut scratch = vec![0.0; count];
+            let sizes = std::sync::Mutex::new(vec![]);
+            threads.enter(|| {
+                threads.split_tiles(&mut out, tiling, &mut scratch, |share| {
+                    sizes.lock().unwrap().push(share.tiles.len());
+                    assert!(share.first_row + share.map.height() <= height);
+                    let mut map = share.map;
+                    for tile in share.tiles {
+                        let (band, column) = (tile / 5, tile % 5);
+                        let mut rows = map.tile(band, column);
+                        for y in 0..4.min(height - share.first_row - 4 * band) {
+                            for x in 0..tiling.len.min(tiling.row_len - column * tiling.len) {
+                                let row = share.first_row + 4 * band + y;
+                                rows.row(y)[x] = (row * tiling.row_len + column * tiling.len + x) as f32;
+                            }
+                        }
+                    }
+                });
+            });
+            assert!(out.iter().enumerate().all(|(i, value)| *value == i as f32), "{count} threads");
+            let sizes = sizes.into_inner().unwrap();
+            assert_eq!((sizes.len(), sizes.iter().sum::<usize>()), (count.min(5), 25));
+            assert!(sizes.iter().max().unwrap() - sizes.iter().min().unwrap() <= 1, "{sizes:?}");
+        }
+    }
 
     #[test]
     fn cores_by_name() {

@@ -320,7 +320,7 @@ impl Conv {
             + match &self.weights {
                 Packed::Direct(_) | Packed::Int8(_) => 0,
                 Packed::Im2col(_) => im2col::scratch_len(&self.shape, size) * threads.count(),
-                Packed::Winograd(weights) => weights.scratch_len(self.shape.out_size(size)) * threads.count(),
+                Packed::Winograd(weights) => weights.scratch_len(self.shape.out_size(size), threads),
             }
     }
 

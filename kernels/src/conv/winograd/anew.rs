@@ -23,7 +23,8 @@
 use super::super::ConvShape;
 use super::points::point;
 use super::transforms::{Floats, HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
-use super::{LINE, Rows, Winograd, from_line, pack, rows_per_tile, step};
+use super::{LINE, Part, Winograd, from_line, pack, rows_per_tile, step};
+use crate::par::Share;
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
 
@@ -100,7 +101,7 @@ pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, o
     LINE + lens(weights, shape, points, across, tiles).iter().sum::<usize>()
 }
 
-impl Kernel for Rows<'_, Weights> {
+impl Kernel for Part<'_, Weights> {
     type Output = ();
 
     #[inline(always)]
@@ -113,37 +114,34 @@ impl Kernel for Rows<'_, Weights> {
     }
 }
 
-impl Rows<'_, Weights> {
+impl Part<'_, Weights> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let Rows { conv, weights, first_row, out, scratch } = self;
+        let Part { conv, weights, share } = self;
+        let Share { first_row, tiles: all, mut map, scratch } = share;
         let Winograd { bias, input, size, .. } = *conv;
         let shape = &conv.weights.shape;
         let (width, cout) = (shape.out_size(size).w, shape.out_channels);
         let across = width.div_ceil(M);
-        let rows = (out.len() / (width * cout)).div_ceil(M);
-        let most = strip_rows(across).min(rows);
-        let [lines_len, g_len, u_len, m_len, half_len, _] = lens(weights, shape, A, across, most * across);
+        let most = all.len().min(across * strip_rows(across));
+        let [lines_len, g_len, u_len, m_len, half_len, _] = lens(weights, shape, A, across, most);
         let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
         let (kernel_lines, scratch) = scratch.split_at_mut(g_len);
         let (u, scratch) = scratch.split_at_mut(u_len);
         let (m, scratch) = scratch.split_at_mut(m_len);
         let (half, v) = scratch.split_at_mut(half_len);
-        for (strip, out) in out.chunks_mut(most * M * width * cout).enumerate() {
-            let tiles = (out.len() / (width * cout)).div_ceil(M) * across;
-            let plan = &Plan::new(weights, shape, A, tiles);
-            let tiles = Tiles { across, range: 0..tiles };
+        for first in all.clone().step_by(most) {
+            let tiles = Tiles { across, range: first..all.end.min(first + most) };
+            let plan = &Plan::new(weights, shape, A, tiles.range.len());
             simd.call(InputTiles::<_, _, A, M> {
                 input,
                 size,
                 channels: shape.in_channels,
-                first_row: first_row + strip * most * M,
+                first_row,
                 tiles: tiles.clone(),
                 lines: &mut *lines,
                 v: &mut *v,
-                places: tiles
-                    .range
-                    .clone()
+                places: (0..tiles.range.len())
                     .map(|tile| tile / plan.group * plan.v_len + tile % plan.group * S::LANES),
                 steps: Steps { point: plan.v_step, vector: plan.group * S::LANES },
                 to: Floats,
@@ -169,7 +167,7 @@ impl Rows<'_, Weights> {
                     half_step: plan.half_step,
                     bias,
                     relu: shape.relu,
-                    out: &mut *out,
+                    map: &mut map,
                     width,
                     channels: cout,
                     first: i * block,

@@ -22,7 +22,8 @@ use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix};
 use super::strips::{self, Plan, Strip};
 use super::transforms::{Floats, HalfOutputs, InputTiles, OutputTiles, Steps, Tiles};
-use super::{LINE, Rows, Winograd, from_line, pack};
+use super::{LINE, Part, Winograd, from_line, pack};
+use crate::par::Share;
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
 
@@ -153,7 +154,7 @@ pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, o
     LINE + weights.plan(shape, points, out).lens(points).iter().sum::<usize>()
 }
 
-impl Kernel for Rows<'_, Weights> {
+impl Kernel for Part<'_, Weights> {
     type Output = ();
 
     #[inline(always)]
@@ -169,10 +170,11 @@ impl Kernel for Rows<'_, Weights> {
     }
 }
 
-impl Rows<'_, Weights> {
+impl Part<'_, Weights> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const K: usize, const M: usize>(self, simd: S) {
-        let Rows { conv, weights, first_row, out, scratch } = self;
+        let Part { conv, weights, share } = self;
+        let Share { first_row, tiles: all, mut map, scratch } = share;
         let Winograd { bias, input, size, .. } = *conv;
         let ConvShape { in_channels: cin, out_channels: cout, relu, .. } = conv.weights.shape;
         let width = size.w + 1 - K;
@@ -182,9 +184,8 @@ impl Rows<'_, Weights> {
         let (v, scratch) = scratch.split_at_mut(v_len);
         let (m, half) = scratch.split_at_mut(m_len);
         let u = &*weights.u;
-        let all = (out.len() / (width * cout)).div_ceil(M) * plan.across;
-        for first_tile in (0..all).step_by(plan.strip) {
-            let strip = &Strip { plan, tiles: first_tile..all.min(first_tile + plan.strip) };
+        for first_tile in all.clone().step_by(plan.strip) {
+            let strip = &Strip { plan, tiles: first_tile..all.end.min(first_tile + plan.strip) };
             let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
             simd.call(InputTiles::<_, _, A, M> {
                 input,
@@ -223,7 +224,7 @@ impl Rows<'_, Weights> {
                     half_step: plan.half_step,
                     bias: &bias[first..][..lanes.min(cout - first)],
                     relu,
-                    out: &mut *out,
+                    map: &mut map,
                     width,
                     channels: cout,
                     first,

@@ -33,7 +33,7 @@ mod transforms;
 mod words;
 
 use super::{ConvShape, fold};
-use crate::par::Threads;
+use crate::par::{Share, Threads, Tiling};
 use crate::quant::Quantization;
 use crate::simd::Line;
 use crate::{Aligned, Isa, Size};
@@ -112,13 +112,21 @@ impl Weights {
         self.points
     }
 
-    /// Scratch values per thread for an output of size `out`.
-    pub(super) fn scratch_len(&self, out: Size) -> usize {
-        match &self.kernels {
-            Kernels::Kept(weights) => kept::scratch_len(weights, &self.shape, self.points, out),
-            Kernels::Anew(weights) => anew::scratch_len(weights, &self.shape, self.points, out),
-            Kernels::Words(weights) => words::scratch_len(weights, &self.shape, self.points, out),
-        }
+    /// Scratch values for an output of size `out`.
+    pub(super) fn scratch_len(&self, out: Size, threads: &Threads) -> usize {
+        let Weights { shape, points, ref kernels } = *self;
+        let each = match kernels {
+            Kernels::Kept(weights) => kept::scratch_len(weights, &shape, points, out),
+            Kernels::Anew(weights) => anew::scratch_len(weights, &shape, points, out),
+            Kernels::Words(weights) => words::scratch_len(weights, &shape, points, out),
+        };
+        each * threads.count()
+    }
+
+    /// The tiles of a map of so many columns.
+    fn tiling(&self, width: usize) -> Tiling {
+        let (rows, channels) = (rows_per_tile(&self.shape, self.points), self.shape.out_channels);
+        Tiling { row_len: width * channels, rows, len: rows * channels }
     }
 }
 
@@ -132,32 +140,22 @@ pub(super) struct Winograd<'a> {
 }
 
 impl Winograd<'_> {
-    /// Convolves into `out` (`[H', W', Cout]`); `scratch` is of [`Weights::scratch_len`] per thread.
+    /// Convolves into `out` (`[H', W', Cout]`); `scratch` is of [`Weights::scratch_len`].
     pub(super) fn run(&self, threads: &Threads, out: &mut [f32], scratch: &mut [f32]) {
-        let Weights { shape, points, ref kernels } = *self.weights;
-        let row_len = shape.out_size(self.size).w * shape.out_channels;
-        let unit = rows_per_tile(&shape, points);
-        threads.split_rows_with(out, row_len, unit, scratch, |first_row, out, scratch| match kernels {
-            Kernels::Kept(weights) => {
-                self.isa.run(Rows { conv: self, weights, first_row, out, scratch });
-            }
-            Kernels::Anew(weights) => {
-                self.isa.run(Rows { conv: self, weights, first_row, out, scratch });
-            }
-            Kernels::Words(weights) => {
-                self.isa.run_dot(Rows { conv: self, weights, first_row, out, scratch });
-            }
+        let tiling = self.weights.tiling(self.weights.shape.out_size(self.size).w);
+        threads.split_tiles(out, tiling, scratch, |share| match &self.weights.kernels {
+            Kernels::Kept(weights) => self.isa.run(Part { conv: self, weights, share }),
+            Kernels::Anew(weights) => self.isa.run(Part { conv: self, weights, share }),
+            Kernels::Words(weights) => self.isa.run_dot(Part { conv: self, weights, share }),
         });
     }
 }
 
-/// Some rows of the output, with the kernels laid out for one way or the other.
-struct Rows<'a, W> {
+/// A thread's part of the output, with the kernels laid out for one way or another.
+struct Part<'a, W> {
     conv: &'a Winograd<'a>,
     weights: &'a W,
-    first_row: usize,       // that `out` starts at: a multiple of the tile's
-    out: &'a mut [f32],     // [rows, W', Cout]
-    scratch: &'a mut [f32], // of one thread
+    share: Share<'a>,
 }
 
 /// Output rows of one row of tiles.

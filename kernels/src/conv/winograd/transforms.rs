@@ -3,6 +3,7 @@
 use super::points::{input_points, output_values};
 use super::step;
 use crate::Size;
+use crate::par;
 use crate::simd::{Kernel, Simd};
 use std::ops::Range;
 
@@ -192,32 +193,33 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
     }
 }
 
-/// `Y = A^T M A`, bias and floor, of some tiles and one block: the outputs as far as they lie within `out`.
-pub(super) struct OutputTiles<'a, const A: usize, const M: usize> {
+/// `Y = A^T M A`, bias and floor, of some tiles and one block: the outputs as far as they lie within the map.
+pub(super) struct OutputTiles<'a, 'b, const A: usize, const M: usize> {
     pub tiles: Tiles,
     pub vectors: usize,   // of the block
     pub half: &'a [f32],  // A times [tiles][vectors][M][LANES]: M A
     pub half_step: usize, // from one of them to the next
     pub bias: &'a [f32],  // of the block's channels
     pub relu: bool,
-    pub out: &'a mut [f32], // [rows, width, channels]
+    pub map: &'a mut par::Tiles<'b>, // [rows, width, channels]
     pub width: usize,
     pub channels: usize,
     pub first: usize, // channel of the block
 }
 
-impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, A, M> {
+impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let OutputTiles { tiles, vectors, half, half_step, bias, relu, out, width, channels, first } = self;
-        let height = out.len() / (width * channels);
+        let OutputTiles { tiles, vectors, half, half_step, bias, relu, map, width, channels, first } = self;
+        let height = map.height();
         let floor = simd.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
         let step = vectors * M * S::LANES; // from one tile's M A to the next one's
         for (tile, tile_at) in tiles.range.clone().zip((0..).step_by(step)) {
             let (y, x) = tiles.corner(tile, M);
-            let (rows, columns) = (M.min(height - y), M.min(width - x));
+            let (height, columns) = (M.min(height - y), M.min(width - x));
+            let mut rows = map.tile(tile / tiles.across, tile % tiles.across);
             for (vector, bias) in bias.chunks(S::LANES).enumerate() {
                 let (at, c) = (tile_at + vector * M * S::LANES, first + vector * S::LANES);
                 let (n, bias) = (bias.len(), simd.load_partial(bias));
@@ -225,9 +227,9 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, A, M> {
                     let m: [S::F32; A] =
                         std::array::from_fn(|i| simd.load(&half[i * half_step + at + j * S::LANES..]));
                     let line = output_values::<S, A, M>(simd, &m);
-                    for (i, value) in line.into_iter().take(rows).enumerate() {
+                    for (i, value) in line.into_iter().take(height).enumerate() {
                         let value = simd.max(simd.add(value, bias), floor);
-                        let to = &mut out[((y + i) * width + x + j) * channels + c..][..n];
+                        let to = &mut rows.row(i)[j * channels + c..][..n];
                         if n == S::LANES { simd.store(value, to) } else { simd.store_partial(value, to) }
                     }
                 }

@@ -20,7 +20,8 @@ use super::kept::transform_kernels;
 use super::points::input_matrix;
 use super::strips::{self, Plan, Strip};
 use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, To};
-use super::{LINE, Rows, Winograd, from_line};
+use super::{LINE, Part, Winograd, from_line};
+use crate::par::Share;
 use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, Simd, WORD_MAX};
 use crate::{Aligned, Isa, Size};
@@ -144,7 +145,7 @@ pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, o
     LINE + weights.plan(shape, points, out).lens(points).iter().sum::<usize>()
 }
 
-impl DotKernel for Rows<'_, Weights> {
+impl DotKernel for Part<'_, Weights> {
     type Output = ();
 
     #[inline(always)]
@@ -158,10 +159,11 @@ impl DotKernel for Rows<'_, Weights> {
     }
 }
 
-impl Rows<'_, Weights> {
+impl Part<'_, Weights> {
     #[inline(always)]
     fn run_sized<D: Dot, const A: usize, const K: usize, const M: usize>(self, dot: D) {
-        let Rows { conv, weights, first_row, out, scratch } = self;
+        let Part { conv, weights, share } = self;
+        let Share { first_row, tiles: all, mut map, scratch } = share;
         let Winograd { bias, input, size, .. } = *conv;
         let ConvShape { in_channels, out_channels: cout, relu, .. } = conv.weights.shape;
         let (simd, vector) = (dot.float(), D::Float::LANES);
@@ -172,9 +174,8 @@ impl Rows<'_, Weights> {
         let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
         let (v, scratch) = scratch.split_at_mut(v_len);
         let (m, half) = scratch.split_at_mut(m_len);
-        let all = (out.len() / (width * cout)).div_ceil(M) * plan.across;
-        for first_tile in (0..all).step_by(plan.strip) {
-            let strip = &Strip { plan, tiles: first_tile..all.min(first_tile + plan.strip) };
+        for first_tile in all.clone().step_by(plan.strip) {
+            let strip = &Strip { plan, tiles: first_tile..all.end.min(first_tile + plan.strip) };
             let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
             simd.call(InputTiles::<_, _, A, M> {
                 input,
@@ -215,7 +216,7 @@ impl Rows<'_, Weights> {
                     half_step: plan.half_step,
                     bias: &bias[first..][..lanes.min(cout - first)],
                     relu,
-                    out: &mut *out,
+                    map: &mut map,
                     width,
                     channels: cout,
                     first,
