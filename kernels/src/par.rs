@@ -175,17 +175,6 @@ pub enum TileRows<'a> {
     Cut([&'a mut [f32]; Tiling::ROWS]),
 }
 
-impl TileRows<'_> {
-    /// One of the rows.
-    #[inline(always)]
-    pub fn row(&mut self, i: usize) -> &mut [f32] {
-        match self {
-            TileRows::Whole(values, row_len) => &mut values[i * *row_len..],
-            TileRows::Cut(rows) => rows[i],
-        }
-    }
-}
-
 impl Tiles<'_> {
     /// Rows of the map from that on in which the first tile begins.
     pub fn height(&self) -> usize {
@@ -347,11 +336,14 @@ mod tests {
                     let mut map = share.map;
                     for tile in share.tiles {
                         let (band, column) = (tile / 5, tile % 5);
-                        let mut rows = map.tile(band, column);
+                        let mut rows: Vec<&mut [f32]> = match map.tile(band, column) {
+                            TileRows::Whole(values, row_len) => values.chunks_mut(row_len).collect(),
+                            TileRows::Cut(rows) => rows.into(),
+                        };
                         for y in 0..4.min(height - share.first_row - 4 * band) {
                             for x in 0..tiling.len.min(tiling.row_len - column * tiling.len) {
                                 let row = share.first_row + 4 * band + y;
-                                rows.row(y)[x] = (row * tiling.row_len + column * tiling.len + x) as f32;
+                                rows[y][x] = (row * tiling.row_len + column * tiling.len + x) as f32;
                             }
                         }
                     }

@@ -22,7 +22,7 @@
 
 use super::super::ConvShape;
 use super::points::point;
-use super::transforms::{Floats, HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, lines_len};
+use super::transforms::{Floats, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, lines_len};
 use super::{LINE, Part, Winograd, from_line, pack, rows_per_tile, step};
 use crate::par::Share;
 use crate::simd::{Kernel, Simd};
@@ -157,21 +157,18 @@ impl Part<'_, Weights> {
                 m,
             };
             products.run(simd);
-            let block = const { S::LONG_TILE.0 } * S::LANES;
-            let blocks = bias.chunks(block).zip(half.chunks_exact(plan.half_len));
-            for (i, (bias, half)) in blocks.enumerate() {
-                simd.call(OutputTiles::<A, M> {
-                    tiles: tiles.clone(),
+            let lanes = const { S::LONG_TILE.0 } * S::LANES;
+            for (i, (bias, half)) in bias.chunks(lanes).zip(half.chunks_exact(plan.half_len)).enumerate() {
+                let block = OutputBlock {
                     vectors: S::LONG_TILE.0,
                     half,
                     half_step: plan.half_step,
                     bias,
                     relu: shape.relu,
-                    map: &mut map,
-                    width,
                     channels: cout,
-                    first: i * block,
-                });
+                    first: i * lanes,
+                };
+                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
             }
         }
     }

@@ -21,7 +21,7 @@ use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix};
 use super::strips::{self, Plan, Strip};
-use super::transforms::{Floats, HalfOutputs, InputTiles, OutputTiles, Steps, Tiles};
+use super::transforms::{Floats, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles};
 use super::{LINE, Part, Winograd, from_line, pack};
 use crate::par::Share;
 use crate::simd::{Kernel, Simd};
@@ -217,18 +217,16 @@ impl Part<'_, Weights> {
             let mut first = 0;
             for vectors in blocks(cout.div_ceil(S::LANES)) {
                 let lanes = vectors * S::LANES;
-                simd.call(OutputTiles::<A, M> {
-                    tiles: tiles.clone(),
+                let block = OutputBlock {
                     vectors,
                     half: &half[M * strip.tiles.len() * first..],
                     half_step: plan.half_step,
                     bias: &bias[first..][..lanes.min(cout - first)],
                     relu,
-                    map: &mut map,
-                    width,
                     channels: cout,
                     first,
-                });
+                };
+                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
                 first += lanes;
             }
         }

@@ -3,7 +3,7 @@
 use super::points::{input_points, output_values};
 use super::step;
 use crate::Size;
-use crate::par;
+use crate::par::{self, TileRows};
 use crate::simd::{Kernel, Simd};
 use std::ops::Range;
 
@@ -196,15 +196,20 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
 /// `Y = A^T M A`, bias and floor, of some tiles and one block: the outputs as far as they lie within the map.
 pub(super) struct OutputTiles<'a, 'b, const A: usize, const M: usize> {
     pub tiles: Tiles,
-    pub vectors: usize,   // of the block
-    pub half: &'a [f32],  // A times [tiles][vectors][M][LANES]: M A
-    pub half_step: usize, // from one of them to the next
-    pub bias: &'a [f32],  // of the block's channels
-    pub relu: bool,
     pub map: &'a mut par::Tiles<'b>, // [rows, width, channels]
     pub width: usize,
-    pub channels: usize,
-    pub first: usize, // channel of the block
+    pub block: OutputBlock<'a>,
+}
+
+/// The channels of a block, on their way from `M A` to outputs.
+pub(super) struct OutputBlock<'a> {
+    pub vectors: usize,
+    pub half: &'a [f32],  // A times [tiles][vectors][M][LANES]: M A
+    pub half_step: usize, // from one of them to the next
+    pub bias: &'a [f32],  // of the channels
+    pub relu: bool,
+    pub channels: usize, // of the map
+    pub first: usize,    // of the block
 }
 
 impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
@@ -212,28 +217,65 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let OutputTiles { tiles, vectors, half, half_step, bias, relu, map, width, channels, first } = self;
+        let OutputTiles { tiles, map, width, block } = self;
         let height = map.height();
-        let floor = simd.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
-        let step = vectors * M * S::LANES; // from one tile's M A to the next one's
-        for (tile, tile_at) in tiles.range.clone().zip((0..).step_by(step)) {
+        for (i, tile) in tiles.range.clone().enumerate() {
             let (y, x) = tiles.corner(tile, M);
-            let (height, columns) = (M.min(height - y), M.min(width - x));
-            let mut rows = map.tile(tile / tiles.across, tile % tiles.across);
-            for (vector, bias) in bias.chunks(S::LANES).enumerate() {
-                let (at, c) = (tile_at + vector * M * S::LANES, first + vector * S::LANES);
-                let (n, bias) = (bias.len(), simd.load_partial(bias));
-                for j in 0..columns {
-                    let m: [S::F32; A] =
-                        std::array::from_fn(|i| simd.load(&half[i * half_step + at + j * S::LANES..]));
-                    let line = output_values::<S, A, M>(simd, &m);
-                    for (i, value) in line.into_iter().take(height).enumerate() {
-                        let value = simd.max(simd.add(value, bias), floor);
-                        let to = &mut rows.row(i)[j * channels + c..][..n];
-                        if n == S::LANES { simd.store(value, to) } else { simd.store_partial(value, to) }
+            let (rows, columns) = (M.min(height - y), M.min(width - x));
+            // The same three times, so that the usual one has a single slice to write to, and a constant number of rows.
+            match map.tile(tile / tiles.across, tile % tiles.across) {
+                TileRows::Whole(values, row_len) if rows == M => {
+                    block.tile::<S, A, M>(simd, i, (M, columns), |y, at, value| {
+                        write(simd, value, &mut values[y * row_len + at.start..][..at.len()]);
+                    });
+                }
+                TileRows::Whole(values, row_len) => {
+                    block.tile::<S, A, M>(simd, i, (rows, columns), |y, at, value| {
+                        write(simd, value, &mut values[y * row_len + at.start..][..at.len()]);
+                    });
+                }
+                TileRows::Cut(mut cut) => {
+                    block.tile::<S, A, M>(simd, i, (rows, columns), |y, at, value| {
+                        write(simd, value, &mut cut[y][at]);
+                    });
+                }
+            }
+        }
+    }
+}
+
+impl OutputBlock<'_> {
+    /// Hands what is there of a tile's `rows` and `columns` to `write`: a row, where in it, and a vector.
+    #[inline(always)]
+    fn tile<S: Simd, const A: usize, const M: usize>(
+        &self,
+        simd: S,
+        tile: usize,
+        (rows, columns): (usize, usize),
+        mut write: impl FnMut(usize, Range<usize>, S::F32),
+    ) {
+        let OutputBlock { vectors, half, half_step, bias, relu, channels, first } = *self;
+        let floor = simd.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
+        for (vector, bias) in bias.chunks(S::LANES).enumerate() {
+            let half = &half[(tile * vectors + vector) * M * S::LANES..];
+            let (n, bias) = (bias.len(), simd.load_partial(bias));
+            for j in 0..columns {
+                let m: [S::F32; A] =
+                    std::array::from_fn(|i| simd.load(&half[i * half_step + j * S::LANES..]));
+                let at = j * channels + first + vector * S::LANES;
+                let line = output_values::<S, A, M>(simd, &m);
+                for i in 0..M {
+                    if i < rows {
+                        write(i, at..at + n, simd.max(simd.add(line[i], bias), floor));
                     }
                 }
             }
         }
     }
+}
+
+/// Writes a vector, or as much of it as there is room for.
+#[inline(always)]
+fn write<S: Simd>(simd: S, value: S::F32, to: &mut [f32]) {
+    if to.len() >= S::LANES { simd.store(value, to) } else { simd.store_partial(value, to) }
 }

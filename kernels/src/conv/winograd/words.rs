@@ -19,7 +19,7 @@ use super::super::direct::blocks;
 use super::kept::transform_kernels;
 use super::points::input_matrix;
 use super::strips::{self, Plan, Strip};
-use super::transforms::{HalfOutputs, InputTiles, OutputTiles, Steps, Tiles, To};
+use super::transforms::{HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, To};
 use super::{LINE, Part, Winograd, from_line};
 use crate::par::Share;
 use crate::quant::Quantization;
@@ -209,18 +209,16 @@ impl Part<'_, Weights> {
             let mut first = 0;
             for vectors in blocks(cout.div_ceil(vector)) {
                 let lanes = vectors * vector;
-                simd.call(OutputTiles::<A, M> {
-                    tiles: tiles.clone(),
+                let block = OutputBlock {
                     vectors,
                     half: &half[M * strip.tiles.len() * first..],
                     half_step: plan.half_step,
                     bias: &bias[first..][..lanes.min(cout - first)],
                     relu,
-                    map: &mut map,
-                    width,
                     channels: cout,
                     first,
-                });
+                };
+                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
                 first += lanes;
             }
         }
