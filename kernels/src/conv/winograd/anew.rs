@@ -246,11 +246,58 @@ impl Kernel for KernelLines<'_> {
     }
 }
 
-/// A value of `U` at a finite point but 0, of whose first and second power there are vectors, from the three of a line.
-#[inline(always)]
-fn value<S: Simd>(simd: S, powers: [S::F32; KERNEL - 1], line: &[f32]) -> S::F32 {
-    let sum = simd.mul_add(powers[0], simd.load(&line[S::LANES..]), simd.load(line));
-    simd.mul_add(powers[1], simd.load(&line[2 * S::LANES..]), sum)
+/// Where values of `U` come from.
+trait Values: Copy {
+    /// Vectors that each one of them is made of.
+    const VECTORS: usize;
+
+    /// A vector of them.
+    fn value<S: Simd>(self, simd: S, from: &[f32]) -> S::F32;
+}
+
+/// They are there.
+#[derive(Clone, Copy)]
+struct Made;
+
+impl Values for Made {
+    const VECTORS: usize = 1;
+
+    #[inline(always)]
+    fn value<S: Simd>(self, simd: S, from: &[f32]) -> S::F32 {
+        simd.load(from)
+    }
+}
+
+/// Lines of `G g` at a finite point but 0, of which these are the first and the second power.
+#[derive(Clone, Copy)]
+struct Lines {
+    powers: [f32; KERNEL - 1],
+}
+
+impl Values for Lines {
+    const VECTORS: usize = KERNEL;
+
+    #[inline(always)]
+    fn value<S: Simd>(self, simd: S, line: &[f32]) -> S::F32 {
+        let powers = self.powers.map(|power| simd.splat(power));
+        let sum = simd.mul_add(powers[0], simd.load(&line[S::LANES..]), simd.load(line));
+        simd.mul_add(powers[1], simd.load(&line[2 * S::LANES..]), sum)
+    }
+}
+
+/// Lines of `G g` at 0 or infinity, where one of their values counts.
+#[derive(Clone, Copy)]
+struct Taps {
+    tap: usize,
+}
+
+impl Values for Taps {
+    const VECTORS: usize = KERNEL;
+
+    #[inline(always)]
+    fn value<S: Simd>(self, simd: S, line: &[f32]) -> S::F32 {
+        simd.load(&line[self.tap * S::LANES..])
+    }
 }
 
 /// A row of `M` of one block: for each point and group of tiles `[tiles, Cin] x [Cin, vectors * LANES]`.
@@ -273,18 +320,12 @@ impl<const A: usize> Kernel for Row<'_, A> {
         let (vectors, step) = const { (S::LONG_TILE.0, KERNEL * S::LANES) };
         let channels = lines.len() / (vectors * step);
         for j in 0..A {
-            let powers = [point(A, j), point(A, j) * point(A, j)];
-            let ends = j == 0 || j == A - 1;
-            let at_once = !ends && tiles <= plan.group;
-            if !at_once {
+            let lines_at = Lines { powers: [point(A, j), point(A, j) * point(A, j)] };
+            let end = [(0, 0), (A - 1, KERNEL - 1)].into_iter().find(|(end, _)| *end == j);
+            let at_once = tiles <= plan.group;
+            if end.is_none() && !at_once {
                 let values = lines.chunks_exact(step).zip(u.chunks_exact_mut(S::LANES));
-                if ends {
-                    let at = if j == 0 { 0 } else { (KERNEL - 1) * S::LANES };
-                    values.for_each(|(line, u)| u.copy_from_slice(&line[at..at + S::LANES]));
-                } else {
-                    let powers = powers.map(|power| simd.splat(power));
-                    values.for_each(|(line, u)| simd.store(value(simd, powers, line), u));
-                }
+                values.for_each(|(line, u)| simd.store(lines_at.value(simd, line), u));
             }
             for first in (0..tiles).step_by(plan.group) {
                 let group = Group {
@@ -292,13 +333,15 @@ impl<const A: usize> Kernel for Row<'_, A> {
                     tiles: plan.group.min(tiles - first),
                     v: &v[first / plan.group * plan.v_len + j * plan.v_step..][..plan.v_step],
                     v_step: plan.group * S::LANES,
-                    weights: if at_once { lines } else { &*u },
-                    powers,
                     ahead: if first == 0 { next.get(j * channels * LINE..) } else { None },
                     m: &mut m[(first * vectors * A + j) * S::LANES..],
                     m_step: A * S::LANES,
                 };
-                if at_once { simd.call(Tile::<true>(group)) } else { simd.call(Tile::<false>(group)) }
+                match end {
+                    Some((_, tap)) => simd.call(Tile { group, weights: lines, values: Taps { tap } }),
+                    None if at_once => simd.call(Tile { group, weights: lines, values: lines_at }),
+                    None => simd.call(Tile { group, weights: u, values: Made }),
+                }
             }
         }
     }
@@ -308,26 +351,28 @@ impl<const A: usize> Kernel for Row<'_, A> {
 struct Group<'a> {
     channels: usize, // Cin
     tiles: usize,
-    v: &'a [f32],              // [vector of Cin][tiles][LANES]
-    v_step: usize,             // from one vector of Cin to the next
-    weights: &'a [f32],        // [Cin * vectors]: U, or if it is to be made G g
-    powers: [f32; KERNEL - 1], // of the point, for that
-    ahead: Option<&'a [f32]>,  // to be asked for, a cache line per channel
+    v: &'a [f32],             // [vector of Cin][tiles][LANES]
+    v_step: usize,            // from one vector of Cin to the next
+    ahead: Option<&'a [f32]>, // to be asked for, a cache line per channel
     m: &'a mut [f32],
     m_step: usize, // from one vector of products to the next
 }
 
-/// One register tile, in which U is `MADE` or not.
-struct Tile<'a, const MADE: bool>(Group<'a>);
+/// One register tile.
+struct Tile<'a, V> {
+    group: Group<'a>,
+    weights: &'a [f32], // [Cin * vectors] values, or what they are made of
+    values: V,
+}
 
-impl<const MADE: bool> Kernel for Tile<'_, MADE> {
+impl<V: Values> Kernel for Tile<'_, V> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         macro_rules! run {
             ($($n:literal)*) => {
-                match (S::LONG_TILE.0, self.0.tiles) {
+                match (S::LONG_TILE.0, self.group.tiles) {
                     $((1, $n) => self.run_sized::<S, 1, $n>(simd),
                     (_, $n) => self.run_sized::<S, 2, $n>(simd),)*
                     (_, tiles) => unreachable!("{tiles} tiles"),
@@ -338,7 +383,7 @@ impl<const MADE: bool> Kernel for Tile<'_, MADE> {
     }
 }
 
-impl<const MADE: bool> Tile<'_, MADE> {
+impl<V: Values> Tile<'_, V> {
     /// The hot loop.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
@@ -346,10 +391,10 @@ impl<const MADE: bool> Tile<'_, MADE> {
         if VECTORS != S::LONG_TILE.0 || TILES > S::LONG_TILE.1 {
             unreachable!("another tile than the instruction set's");
         }
-        let Group { channels, v, v_step, weights, powers, ahead, m, m_step, .. } = self.0;
+        let Tile { group, weights, values } = self;
+        let Group { channels, v, v_step, ahead, m, m_step, .. } = group;
         let (ahead, ahead_step) = ahead.map_or((v, 0), |next| (next, LINE));
-        let powers = powers.map(|power| simd.splat(power));
-        let step = if MADE { KERNEL * S::LANES } else { S::LANES };
+        let step = const { V::VECTORS * S::LANES };
         let mut weights = weights.chunks_exact(VECTORS * step);
         let mut sums = [[simd.zero(); VECTORS]; TILES];
         for (c, v) in (0..channels).step_by(S::LANES).zip(v.chunks(v_step)) {
@@ -358,8 +403,7 @@ impl<const MADE: bool> Tile<'_, MADE> {
                 simd.prefetch(ahead, (c + lane) * ahead_step);
                 let mut u = [simd.zero(); VECTORS];
                 for k in 0..VECTORS {
-                    let weights = &weights[k * step..];
-                    u[k] = if MADE { value(simd, powers, weights) } else { simd.load(weights) };
+                    u[k] = values.value(simd, &weights[k * step..][..step]);
                 }
                 for i in 0..TILES {
                     let x = simd.splat(v[i * S::LANES + lane]);
