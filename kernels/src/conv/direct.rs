@@ -23,7 +23,7 @@ pub(super) struct Weights {
 }
 
 /// Channel vectors of each block: twos, and a three at the end instead of a lone one.
-pub(super) fn blocks(vectors: usize) -> impl Iterator<Item = usize> {
+pub(super) fn blocks(vectors: usize) -> impl Iterator<Item = usize> + Clone {
     let threes = usize::from(vectors % 2 == 1 && vectors > 1);
     let twos = (vectors - 3 * threes) / 2;
     let ones = vectors - 3 * threes - 2 * twos;

@@ -167,21 +167,33 @@ impl Algorithm {
     /// An estimate of the time for an input of `size`, in units of one multiply-accumulate of the register tile in `f32`, where `speed`
     /// of this algorithm's products take as long as one of those.
     ///
-    /// What a value that is transformed and what a weight that is read cost in that unit was measured (Zen 4, AVX-512); the estimates order
-    /// the network's layers as the clock does.
+    /// What all else costs in that unit was measured (Zen 4, AVX-512); the estimates are within a tenth of the clock for most of the network's layers,
+    /// and order the algorithms as it does.
     fn cost(self, speed: u64, shape: &ConvShape, size: Size) -> u64 {
-        const TRANSFORMED_VALUE: u64 = 16;
-        const WEIGHT: u64 = 4;
+        const POINT: u64 = 8; // of a tile, per channel of inputs and outputs
+        const OUTPUT: u64 = 32; // of a tile, likewise
+        const WEIGHT: u64 = 4; // to read or to make one
+        let out = shape.out_size(size);
         let Some(points) = self.points() else {
-            return shape.macs(size) / speed;
+            let macs = shape.macs(size);
+            // Bytes are taken four at a time, a step more per row of the window, and come less close to their peak.
+            let bytes = || {
+                let steps = (shape.kernel * shape.in_channels).div_ceil(4) + 1;
+                let macs = out.area() * shape.out_channels * shape.kernel * 4 * steps;
+                macs as u64 * 16 / 15 / speed
+            };
+            return if let Algorithm::Int8(_) = self { bytes() } else { macs };
         };
-        let (out, shape) = (shape.out_size(size), fold::unstrided(shape));
+        let shape = fold::unstrided(shape);
         let product = (shape.in_channels * shape.out_channels) as u64;
         let values = (shape.in_channels + shape.out_channels) as u64;
-        let tile = winograd::rows_per_tile(&shape, points);
-        let tiles = (out.h.div_ceil(tile) * out.w.div_ceil(tile)) as u64;
-        let each = product / speed + TRANSFORMED_VALUE * values;
-        (points * points) as u64 * (tiles * each + WEIGHT * product / speed)
+        let side = winograd::rows_per_tile(&shape, points);
+        let tiles = (out.h.div_ceil(side) * out.w.div_ceil(side)) as u64;
+        let (points, outputs) = ((points * points) as u64, (side * side) as u64);
+        // Where a row of points is multiplied at once, half of all else is done in registers.
+        let share = if winograd::is_short(&shape) { 2 } else { 1 };
+        let transforms = (points * POINT + outputs * OUTPUT) * values / share;
+        tiles * (points * product / speed + transforms) + points * WEIGHT * product / speed
     }
 
     /// The algorithm in `f32` called `name`, as [`name`](Self::name) gives it.

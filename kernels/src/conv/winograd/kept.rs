@@ -19,10 +19,10 @@
 
 use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
-use super::points::{MAX_KERNEL, kernel_matrix};
+use super::points::{MAX_KERNEL, kernel_matrix, output_values};
 use super::strips::{self, Plan, Strip};
 use super::transforms::{Floats, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles};
-use super::{LINE, Part, Winograd, from_line, pack};
+use super::{LINE, Part, Winograd, from_line, is_short, pack, step};
 use crate::par::Share;
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
@@ -30,6 +30,7 @@ use crate::{Aligned, Isa, Size};
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
+    short: bool,     // whether a row of points is multiplied at once
     channels: usize, // Cout, in whole vectors
     lanes: usize,    // of the widest block
     group: usize,    // most tiles that are multiplied at a time
@@ -40,37 +41,62 @@ impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Weights {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
-        let channels = vectors * isa.lanes();
-        let u = transform_kernels(isa, shape, points, weights);
-        let widest = blocks(vectors).max().unwrap_or(0);
-        Weights { channels, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest), u }
+        let short = short_tiles(isa, points) > 0 && is_short(shape);
+        let widths = || widths(short, vectors);
+        let widest = widths().max().unwrap_or(0);
+        let group = if short { short_tiles(isa, points) } else { isa.tile_pixels(widest) };
+        let u = transform_kernels(isa, shape, points, widths(), weights);
+        Weights { short, channels: vectors * isa.lanes(), lanes: widest * isa.lanes(), group, u }
     }
 
     fn plan(&self, shape: &ConvShape, points: usize, out: Size) -> Plan {
-        let Weights { channels, lanes, group, ref u } = *self;
+        let Weights { channels, lanes, group, ref u, .. } = *self;
         let kernels = strips::Kernels { inputs: shape.in_channels, channels, lanes, group, values: u.len() };
         Plan::new(&kernels, shape, points, out)
     }
 }
 
-/// `U` as [`Weights`] keep it, of kernels `[Cout, k, k, Cin]`.
-pub(super) fn transform_kernels(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Aligned<f32> {
+/// Input channels with which a row of points is multiplied at once: those of an image, folded by a stride of two. A constant number leaves
+/// the hot loop nothing to do but products.
+pub(super) const SHORT_CHANNELS: usize = 12;
+
+/// Tiles of which a row of so many points fits into the registers; none where there are few of those.
+fn short_tiles(isa: Isa, points: usize) -> usize {
+    let (vectors, tiles) = isa.long_tile();
+    if vectors == 1 { tiles / points } else { 0 }
+}
+
+/// Vectors of each block of output channels.
+fn widths(short: bool, vectors: usize) -> impl Iterator<Item = usize> + Clone {
+    let ones = if short { vectors } else { 0 };
+    std::iter::repeat_n(1, ones).chain(blocks(vectors - ones))
+}
+
+/// `U` as [`Weights`] keep it for blocks of such `widths`, of kernels `[Cout, k, k, Cin]`.
+pub(super) fn transform_kernels(
+    isa: Isa,
+    shape: &ConvShape,
+    points: usize,
+    widths: impl Iterator<Item = usize> + Clone,
+    weights: &[f32],
+) -> Aligned<f32> {
     let vectors = shape.out_channels.div_ceil(isa.lanes());
-    let taps = pack(isa, shape, blocks(vectors), weights);
+    let taps = pack(isa, shape, widths.clone(), weights);
     let mut u = Aligned::zeros(points * points * shape.in_channels * vectors * isa.lanes());
-    isa.run(TransformKernels { shape, points, taps: &taps, out: &mut u });
+    isa.run(TransformKernels { shape, points, widths, taps: &taps, out: &mut u });
     u
 }
 
 /// `U = G g G^T` of all kernels.
-struct TransformKernels<'a> {
+struct TransformKernels<'a, W> {
     shape: &'a ConvShape,
     points: usize,
+    widths: W,          // of the blocks
     taps: &'a [f32],    // as `pack` lays them
     out: &'a mut [f32], // as `Weights::u`
 }
 
-impl Kernel for TransformKernels<'_> {
+impl<W: Iterator<Item = usize> + Clone> Kernel for TransformKernels<'_, W> {
     type Output = ();
 
     #[inline(always)]
@@ -88,7 +114,7 @@ impl Kernel for TransformKernels<'_> {
     }
 }
 
-impl TransformKernels<'_> {
+impl<W: Iterator<Item = usize> + Clone> TransformKernels<'_, W> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const K: usize>(self, simd: S) {
         let g = &kernel_matrix(K);
@@ -96,7 +122,7 @@ impl TransformKernels<'_> {
         let vectors = self.shape.out_channels.div_ceil(S::LANES);
         for (i, row) in self.out.chunks_exact_mut(A * cin * vectors * S::LANES).take(A).enumerate() {
             let (mut from, mut to) = (self.taps, row);
-            for vectors in blocks(vectors) {
+            for vectors in self.widths.clone() {
                 let step = cin * vectors * S::LANES;
                 let (taps, u);
                 (taps, from) = from.split_at(K * K * step);
@@ -202,20 +228,23 @@ impl Part<'_, Weights> {
             let mut u = u;
             for (i, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
                 let mut first = 0; // channel of the block
-                for vectors in blocks(cout.div_ceil(S::LANES)) {
+                for vectors in widths(weights.short, cout.div_ceil(S::LANES)) {
                     let lanes = vectors * S::LANES;
                     let row;
                     (row, u) = u.split_at(A * cin * lanes);
-                    let m = &mut m[..A * strip.tiles.len() * lanes];
-                    let v = &v[i * A * plan.v_step..];
-                    simd.call(Products::<A> { strip, vectors, v, u: row, m: &mut *m });
-                    let half = &mut half[M * strip.tiles.len() * first..];
-                    simd.call(HalfOutputs::<A, M> { m, half });
+                    let (v, half) = (&v[i * A * plan.v_step..], &mut half[M * strip.tiles.len() * first..]);
+                    if weights.short {
+                        simd.call(ShortProducts::<A, M> { strip, v, u: row, half });
+                    } else {
+                        let m = &mut m[..A * strip.tiles.len() * lanes];
+                        simd.call(Products::<A> { strip, vectors, v, u: row, m: &mut *m });
+                        simd.call(HalfOutputs::<A, M> { m, half });
+                    }
                     first += lanes;
                 }
             }
             let mut first = 0;
-            for vectors in blocks(cout.div_ceil(S::LANES)) {
+            for vectors in widths(weights.short, cout.div_ceil(S::LANES)) {
                 let lanes = vectors * S::LANES;
                 let block = OutputBlock {
                     vectors,
@@ -301,6 +330,75 @@ impl<const A: usize> Groups<'_, A> {
                 for k in 0..VECTORS {
                     simd.store(sums[i][k], &mut m[(i * VECTORS + k) * step..]);
                 }
+            }
+        }
+    }
+}
+
+/// `M A` of one row of points, one vector of output channels and the tiles of a strip, where there are few input channels: all points are
+/// multiplied at once, and what is written is half an output already, not `M`.
+struct ShortProducts<'a, const A: usize, const M: usize> {
+    strip: &'a Strip<'a>,
+    v: &'a [f32],        // of the row's first point and the first group
+    u: &'a [f32],        // [A][Cin][LANES]
+    half: &'a mut [f32], // [tiles][M][LANES]
+}
+
+impl<const A: usize, const M: usize> Kernel for ShortProducts<'_, A, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let ShortProducts { strip, v, u, half } = self;
+        let (mut groups, mut half) = (v.chunks(strip.plan.v_len), half);
+        for (count, tiles) in strip.runs() {
+            for v in groups.by_ref().take(count) {
+                let some;
+                (some, half) = std::mem::take(&mut half).split_at_mut(tiles * M * S::LANES);
+                let group = ShortGroup::<A, M> { v, u, half: some };
+                match tiles {
+                    1 => group.run::<S, 1>(simd),
+                    2 => group.run::<S, 2>(simd),
+                    3 => group.run::<S, 3>(simd),
+                    _ => group.run::<S, 4>(simd),
+                }
+            }
+        }
+    }
+}
+
+/// The same for one group.
+struct ShortGroup<'a, const A: usize, const M: usize> {
+    v: &'a [f32],
+    u: &'a [f32],
+    half: &'a mut [f32],
+}
+
+impl<const A: usize, const M: usize> ShortGroup<'_, A, M> {
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn run<S: Simd, const TILES: usize>(self, simd: S) {
+        let most = const { S::LONG_TILE.1 / A };
+        if S::LONG_TILE.0 > 1 || TILES > most {
+            unreachable!("more than the registers hold");
+        }
+        let v_step = step(most * SHORT_CHANNELS);
+        let v = &self.v[..(A - 1) * v_step + TILES * SHORT_CHANNELS];
+        let u = &self.u[..A * SHORT_CHANNELS * S::LANES];
+        let mut sums = [[simd.zero(); A]; TILES];
+        for c in 0..SHORT_CHANNELS {
+            for j in 0..A {
+                let u = simd.load(&u[(j * SHORT_CHANNELS + c) * S::LANES..]);
+                for i in 0..TILES {
+                    let x = simd.splat(v[j * v_step + i * SHORT_CHANNELS + c]);
+                    sums[i][j] = simd.mul_add(x, u, sums[i][j]);
+                }
+            }
+        }
+        for (sums, half) in sums.iter().zip(self.half.chunks_exact_mut(M * S::LANES)) {
+            let line = output_values::<S, A, M>(simd, sums);
+            for (value, half) in line.into_iter().zip(half.chunks_exact_mut(S::LANES)) {
+                simd.store(value, half);
             }
         }
     }

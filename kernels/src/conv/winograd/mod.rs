@@ -61,6 +61,11 @@ pub(super) fn fits(shape: &ConvShape, points: usize) -> bool {
         .contains(&(points, fold::unstrided(shape).kernel))
 }
 
+/// Whether a row of points is multiplied at once where there are registers enough.
+pub(super) fn is_short(shape: &ConvShape) -> bool {
+    shape.in_channels == kept::SHORT_CHANNELS
+}
+
 /// Whether there is one on words.
 pub(super) fn fits_words(shape: &ConvShape, points: usize) -> bool {
     shape.stride == 1 && [(6, 3), (8, 3), (8, 5)].contains(&(points, shape.kernel))

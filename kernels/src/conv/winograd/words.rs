@@ -54,7 +54,7 @@ impl Weights {
         let channels = vectors * isa.lanes();
         let bounds = bounds(points, [input.value(0), input.value(u8::MAX)]);
         let factors: Vec<f32> = bounds.iter().map(|bound| f32::from(WORD_MAX) / bound).collect();
-        let all = transform_kernels(isa, shape, points, weights);
+        let all = transform_kernels(isa, shape, points, blocks(vectors), weights);
         let mut u = Aligned::zeros(points * points * pairs(shape) * channels);
         let mut scale = Aligned::zeros(points * points * channels);
         let (mut all, mut words, mut scales) = (&all[..], &mut u[..], &mut scale[..]);
