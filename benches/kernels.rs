@@ -65,6 +65,33 @@ impl DotKernel for Peak {
     }
 }
 
+/// The same with pairs of words.
+struct WordsPeak {
+    rounds: usize,
+}
+
+impl DotKernel for WordsPeak {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<D: Dot>(self, dot: D) -> f32 {
+        let lanes = D::Float::LANES;
+        let weights = dot.load_pairs(&vec![black_box([1; 2]); lanes]);
+        let x = dot.splat_pair(black_box([1; 2]));
+        let mut sums = [dot.zero(); Peak::CHAINS];
+        for _ in 0..self.rounds {
+            for sum in &mut sums {
+                *sum = dot.dot_pairs(x, weights, *sum);
+            }
+        }
+        let simd = dot.float();
+        let all = sums.into_iter().fold(simd.zero(), |all, sum| simd.add(all, dot.to_f32(sum)));
+        let mut out = vec![0.0; lanes];
+        simd.store(all, &mut out);
+        out[0]
+    }
+}
+
 /// Seconds of the median of `n` runs, after one to warm up.
 fn median(n: usize, mut run: impl FnMut()) -> f64 {
     run();
@@ -79,8 +106,8 @@ fn median(n: usize, mut run: impl FnMut()) -> f64 {
     times[n / 2]
 }
 
-/// What the instruction set can do at most, in `f32` and in bytes: 10^9 operations per second.
-fn peaks(isa: Isa) -> [f64; 2] {
+/// What the instruction set can do at most, in `f32`, in bytes and in words: 10^9 operations per second.
+fn peaks(isa: Isa) -> [f64; 3] {
     let rounds = 100_000;
     let operations = (2 * rounds * Peak::CHAINS * isa.lanes()) as f64;
     let floats = median(5, || {
@@ -89,7 +116,10 @@ fn peaks(isa: Isa) -> [f64; 2] {
     let bytes = median(5, || {
         black_box(isa.run_dot(Peak { rounds }));
     });
-    [operations / floats / 1e9, 4.0 * operations / bytes / 1e9]
+    let words = median(5, || {
+        black_box(isa.run_dot(WordsPeak { rounds }));
+    });
+    [operations / floats / 1e9, 4.0 * operations / bytes / 1e9, 2.0 * operations / words / 1e9]
 }
 
 fn main() {
@@ -101,14 +131,16 @@ fn main() {
     let isas: Vec<Isa> = Isa::available();
     let names: Vec<_> = isas.iter().map(|isa| isa.name()).collect();
     let isas: Vec<Isa> = isas.into_iter().filter(|isa| asked(&names, isa.name())).collect();
-    let bytes = Algorithm::Int8(Quantization { scale: 1.0 / 128.0, zero_point: 128 });
-    let all = || Algorithm::ALL.into_iter().chain([bytes]);
+    let range = Quantization { scale: 1.0 / 128.0, zero_point: 128 };
+    let all = || Algorithm::ALL.into_iter().chain(Algorithm::integers(range));
     let names: Vec<_> = all().map(Algorithm::name).collect();
     let algorithms: Vec<_> = all().filter(|a| asked(&names, a.name())).collect();
     let widths = if full { Widths::FULL } else { Widths::pruned(0.5) };
     let architecture = Architecture::new(widths, None);
     let threads = Threads::new(1);
-    println!("one thread; ms (10^9 operations/s, % of the measured multiply-add peak, of bytes for int8)");
+    println!(
+        "one thread; ms (10^9 operations/s, % of the measured multiply-add peak, of bytes or words for those)"
+    );
     print!("{:18} {:>7}", "layer", "MMAC");
     for isa in &isas {
         for algorithm in &algorithms {
@@ -116,7 +148,7 @@ fn main() {
         }
     }
     println!();
-    let peaks: Vec<[f64; 2]> = isas.iter().map(|isa| peaks(*isa)).collect();
+    let peaks: Vec<[f64; 3]> = isas.iter().map(|isa| peaks(*isa)).collect();
     let mut input_side = architecture.search_size;
     let mut totals = vec![0.0; isas.len() * algorithms.len()];
     for layer in architecture.layers() {
@@ -157,7 +189,11 @@ fn main() {
                 totals[column] += seconds;
                 column += 1;
                 let rate = gflop / seconds;
-                let peak = peak[usize::from(matches!(algorithm, Algorithm::Int8(_)))];
+                let peak = match algorithm {
+                    Algorithm::Int8(_) => peak[1],
+                    Algorithm::Words6(_) | Algorithm::Words8(_) => peak[2],
+                    _ => peak[0],
+                };
                 print!(" | {:7.3} ({rate:4.0}, {:3.0} %)", seconds * 1e3, 100.0 * rate / peak);
             }
         }

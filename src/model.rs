@@ -33,12 +33,13 @@ struct Inner {
 pub enum Precision {
     /// Single precision throughout.
     F32,
-    /// Bytes where the weights file's calibration allows it, sums exact; single precision elsewhere.
+    /// Integers where the weights file's calibration allows it, sums exact: bytes, or 16 bits where Winograd's algorithm is faster with them;
+    /// single precision elsewhere.
     Int8,
 }
 
 impl Precision {
-    /// The faster one at equal accuracy: bytes if the weights are calibrated and `isa` has instructions for them.
+    /// The faster one at equal accuracy: integers if the weights are calibrated and `isa` multiplies them faster than `f32`.
     pub fn best(weights: &Weights, isa: Isa) -> Precision {
         if weights.header.calibration.is_some() && isa.has_fast_integers() {
             Precision::Int8
@@ -78,6 +79,8 @@ pub struct LayerPlan {
     pub layer: Layer,
     /// The algorithm of a convolution; `None` for the others.
     pub algorithm: Option<Algorithm>,
+    /// How a convolution's input may become integers, if it may.
+    pub input: Option<Quantization>,
 }
 
 /// The models that travel in the program. The first is the standard one.
@@ -284,7 +287,7 @@ impl Builder<'_> {
         }
     }
 
-    /// How a convolution's input becomes bytes, if it is to.
+    /// How a convolution's input becomes integers, if it may.
     fn quantization(&self, layer: &Layer) -> Option<Quantization> {
         let calibration = self.weights.header.calibration.as_ref()?;
         match (self.precision, layer.name.as_str()) {
@@ -298,7 +301,12 @@ impl Builder<'_> {
 
     fn plan(&self) -> Vec<LayerPlan> {
         let algorithm = |layer: &Layer| (layer.kind == LayerKind::Conv).then(|| self.algorithm(layer));
-        self.specs.iter().map(|l| LayerPlan { layer: l.clone(), algorithm: algorithm(l) }).collect()
+        let plan = |layer: &Layer| LayerPlan {
+            layer: layer.clone(),
+            algorithm: algorithm(layer),
+            input: self.quantization(layer),
+        };
+        self.specs.iter().map(plan).collect()
     }
 
     fn parts(&self, name: &str) -> (&Layer, &[f32], &[f32]) {

@@ -340,10 +340,12 @@ mod tests {
                             TileRows::Whole(values, row_len) => values.chunks_mut(row_len).collect(),
                             TileRows::Cut(rows) => rows.into(),
                         };
-                        for y in 0..4.min(height - share.first_row - 4 * band) {
-                            for x in 0..tiling.len.min(tiling.row_len - column * tiling.len) {
-                                let row = share.first_row + 4 * band + y;
-                                rows[y][x] = (row * tiling.row_len + column * tiling.len + x) as f32;
+                        let first = share.first_row + 4 * band;
+                        for (row, values) in (first..height.min(first + 4)).zip(&mut rows) {
+                            let start = row * tiling.row_len + column * tiling.len;
+                            let columns = tiling.len.min(tiling.row_len - column * tiling.len);
+                            for (x, value) in values[..columns].iter_mut().enumerate() {
+                                *value = (start + x) as f32;
                             }
                         }
                     }

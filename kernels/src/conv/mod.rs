@@ -117,6 +117,11 @@ impl Algorithm {
         Algorithm::Winograd10,
     ];
 
+    /// All that compute in integers, for inputs that `input` expresses.
+    pub fn integers(input: Quantization) -> [Algorithm; 3] {
+        [Algorithm::Int8(input), Algorithm::Words6(input), Algorithm::Words8(input)]
+    }
+
     /// This algorithm where it can compute `shape`, else `Direct`.
     pub fn supported(self, shape: &ConvShape) -> Algorithm {
         let fits = match self {
@@ -145,8 +150,7 @@ impl Algorithm {
 
     /// The same where bytes and words would do as well.
     pub fn plan_integers(isa: Isa, shape: &ConvShape, size: Size, input: Quantization) -> Algorithm {
-        let integers = [Algorithm::Int8(input), Algorithm::Words6(input), Algorithm::Words8(input)];
-        let fitting = [Algorithm::plan(shape, size)].into_iter().chain(integers);
+        let fitting = [Algorithm::plan(shape, size)].into_iter().chain(Algorithm::integers(input));
         let speed = |algorithm| match algorithm {
             Algorithm::Int8(_) => isa.bytes_speed(),
             Algorithm::Words6(_) | Algorithm::Words8(_) => isa.words_speed(),

@@ -279,7 +279,7 @@ mod tests {
             let word = |i: usize| [32767i16, -32768, 1, -1, 12345, -777, 0, 16383][i % 8];
             let pairs: Vec<[i16; 2]> = (0..n).map(|l| [word(3 * l), word(l + 5)]).collect();
             for first in 0..8 {
-                let x = [word(first).max(-WORD_MAX).min(WORD_MAX), word(first + 3) / 4];
+                let x = [word(first).clamp(-WORD_MAX, WORD_MAX), word(first + 3) / 4];
                 let lanes = dot.load_pairs(&pairs);
                 let mut found = vec![f32::NAN; n];
                 let sum = dot.dot_pairs(dot.splat_pair(x), lanes, dot.sums(&start));

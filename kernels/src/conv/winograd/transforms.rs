@@ -264,10 +264,8 @@ impl OutputBlock<'_> {
                     std::array::from_fn(|i| simd.load(&half[i * half_step + j * S::LANES..]));
                 let at = j * channels + first + vector * S::LANES;
                 let line = output_values::<S, A, M>(simd, &m);
-                for i in 0..M {
-                    if i < rows {
-                        write(i, at..at + n, simd.max(simd.add(line[i], bias), floor));
-                    }
+                for (i, value) in line.into_iter().take(rows).enumerate() {
+                    write(i, at..at + n, simd.max(simd.add(value, bias), floor));
                 }
             }
         }

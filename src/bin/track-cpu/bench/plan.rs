@@ -7,8 +7,8 @@ use kernels::{Isa, Size};
 use serde_json::{Value, json};
 use std::time::Instant;
 use track_cpu::Model;
-use track_cpu::model::conv_shape;
-use weights_format::{Architecture, Branch, LayerKind};
+use track_cpu::model::{LayerPlan, conv_shape};
+use weights_format::Branch;
 
 /// Runs per algorithm; the median counts.
 const RUNS: usize = 9;
@@ -17,45 +17,53 @@ const RUNS: usize = 9;
 pub struct Row {
     layer: String,
     mmacs: f64,
-    planned: Algorithm,           // in f32
-    times: Vec<(Algorithm, f64)>, // ms
+    planned: &'static str,
+    integers: bool,                  // whether it may compute in them
+    times: Vec<(&'static str, f64)>, // ms
 }
 
 impl Row {
-    /// The fastest algorithm in `f32`.
-    fn fastest(&self) -> Algorithm {
-        let floats = self.times.iter().filter(|(algorithm, _)| !matches!(algorithm, Algorithm::Int8(_)));
-        floats.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(self.planned, |(algorithm, _)| *algorithm)
+    /// The fastest algorithm that was allowed.
+    fn fastest(&self) -> &'static str {
+        let floats = Algorithm::ALL.map(Algorithm::name);
+        let allowed = self.times.iter().filter(|(name, _)| self.integers || floats.contains(name));
+        allowed.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(self.planned, |(name, _)| name)
     }
 
-    fn time(&self, algorithm: Algorithm) -> Option<f64> {
-        self.times.iter().find(|(other, _)| *other == algorithm).map(|(_, ms)| *ms)
+    fn time(&self, algorithm: &str) -> Option<f64> {
+        self.times.iter().find(|(name, _)| *name == algorithm).map(|(_, ms)| *ms)
     }
 }
 
-/// Convolutions of a search pass and the side of their inputs.
-fn convolutions(architecture: &Architecture) -> impl Iterator<Item = (String, ConvShape, Size)> {
-    let layers = architecture.layers().into_iter();
-    layers.filter(|layer| layer.kind == LayerKind::Conv && layer.branch != Branch::Template).map(|layer| {
-        let side = (layer.out_search - 1) * layer.stride + layer.kernel - 2 * layer.pad;
-        (layer.name.clone(), conv_shape(&layer), Size::square(side))
-    })
+/// Convolutions of a search pass.
+fn convolutions(model: &Model) -> impl Iterator<Item = LayerPlan> {
+    let search = |plan: &LayerPlan| plan.algorithm.is_some() && plan.layer.branch != Branch::Template;
+    model.plan().into_iter().filter(search)
 }
 
 /// How many convolutions there are to measure.
 pub fn steps(model: &Model) -> usize {
-    convolutions(model.architecture()).count()
+    convolutions(model).count()
 }
 
 /// Measures all of them on one thread.
 pub fn measure(model: &Model, mut done: impl FnMut()) -> Vec<Row> {
     let isa = model.isa();
-    let rows = convolutions(model.architecture()).map(|(layer, shape, size)| {
-        let bytes = Algorithm::Int8(Quantization { scale: 1.0 / 128.0, zero_point: 128 });
-        let algorithms = Algorithm::ALL.into_iter().chain([bytes]).filter(|a| a.supported(&shape) == *a);
-        let times = algorithms.map(|algorithm| (algorithm, time(isa, algorithm, shape, size))).collect();
+    let rows = convolutions(model).map(|LayerPlan { layer, algorithm, input }| {
+        let side = (layer.out_search - 1) * layer.stride + layer.kernel - 2 * layer.pad;
+        let (shape, size) = (conv_shape(&layer), Size::square(side));
+        let range = Quantization { scale: 1.0 / 128.0, zero_point: 128 };
+        let all = Algorithm::ALL.into_iter().chain(Algorithm::integers(range));
+        let times = all.filter(|a| a.supported(&shape) == *a);
+        let times = times.map(|algorithm| (algorithm.name(), time(isa, algorithm, shape, size))).collect();
         done();
-        Row { layer, mmacs: shape.macs(size) as f64 / 1e6, planned: Algorithm::plan(&shape, size), times }
+        Row {
+            mmacs: shape.macs(size) as f64 / 1e6,
+            planned: algorithm.map_or("", Algorithm::name),
+            integers: input.is_some(),
+            layer: layer.name,
+            times,
+        }
     });
     rows.collect()
 }
@@ -82,7 +90,7 @@ fn time(isa: Isa, algorithm: Algorithm, shape: ConvShape, size: Size) -> f64 {
 
 /// The table for people.
 pub fn text(model: &Model, rows: &[Row]) -> String {
-    let columns = ["direct", "im2col", "winograd6", "winograd8", "winograd10", "int8"];
+    let columns = ["direct", "im2col", "winograd6", "winograd8", "winograd10", "int8", "words6", "words8"];
     let mut text =
         format!("one thread, {}, ms per convolution\n\n{:18} {:>8}", model.isa().name(), "layer", "MMAC");
     columns.iter().for_each(|name| text += &format!(" {name:>10}"));
@@ -90,30 +98,33 @@ pub fn text(model: &Model, rows: &[Row]) -> String {
     for row in rows {
         text += &format!("{:18} {:8.1}", row.layer, row.mmacs);
         for name in columns {
-            let found = row.times.iter().find(|(algorithm, _)| algorithm.name() == name);
-            text += &found.map_or(format!(" {:>10}", "-"), |(_, ms)| format!(" {ms:10.3}"));
+            text += &row.time(name).map_or(format!(" {:>10}", "-"), |ms| format!(" {ms:10.3}"));
         }
-        text += &format!("  {:>10} {:>10}\n", row.planned.name(), row.fastest().name());
+        text += &format!("  {:>10} {:>10}\n", row.planned, row.fastest());
     }
     let [planned, fastest] = totals(rows);
-    text + &format!("\nas planned {planned:.2} ms, the fastest of each {fastest:.2} ms (f32)")
+    text + &format!(
+        "\nas planned {planned:.2} ms, the fastest of each {fastest:.2} ms ({})",
+        model.precision().name()
+    )
 }
 
 /// The same for machines.
 pub fn json(model: &Model, rows: &[Row]) -> Value {
     let [planned, fastest] = totals(rows);
     let layers = rows.iter().map(|row| {
-        let times = row.times.iter().map(|(algorithm, ms)| (algorithm.name().to_owned(), json!(ms)));
+        let times = row.times.iter().map(|(name, ms)| ((*name).to_owned(), json!(ms)));
         json!({
             "layer": row.layer,
             "mmacs": row.mmacs,
-            "planned": row.planned.name(),
-            "fastest": row.fastest().name(),
+            "planned": row.planned,
+            "fastest": row.fastest(),
             "ms": Value::Object(times.collect()),
         })
     });
     json!({
         "isa": model.isa().name(),
+        "precision": model.precision().name(),
         "layers": layers.collect::<Vec<_>>(),
         "planned_ms": planned,
         "fastest_ms": fastest,
@@ -123,6 +134,6 @@ pub fn json(model: &Model, rows: &[Row]) -> Value {
 /// All layers together, as planned and with the fastest of each.
 fn totals(rows: &[Row]) -> [f64; 2] {
     let total =
-        |choice: &dyn Fn(&Row) -> Algorithm| rows.iter().filter_map(|row| row.time(choice(row))).sum();
+        |choice: &dyn Fn(&Row) -> &'static str| rows.iter().filter_map(|row| row.time(choice(row))).sum();
     [total(&|row| row.planned), total(&Row::fastest)]
 }
