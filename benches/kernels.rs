@@ -65,12 +65,12 @@ impl DotKernel for Peak {
     }
 }
 
-/// The same with pairs of words.
-struct WordsPeak {
+/// The same with pairs of 16-bit integers.
+struct Int16Peak {
     rounds: usize,
 }
 
-impl DotKernel for WordsPeak {
+impl DotKernel for Int16Peak {
     type Output = f32;
 
     #[inline(always)]
@@ -106,7 +106,7 @@ fn median(n: usize, mut run: impl FnMut()) -> f64 {
     times[n / 2]
 }
 
-/// What the instruction set can do at most, in `f32`, in bytes and in words: 10^9 operations per second.
+/// What the instruction set can do at most, in `f32`, in bytes and in 16-bit integers: 10^9 operations per second.
 fn peaks(isa: Isa) -> [f64; 3] {
     let rounds = 100_000;
     let operations = (2 * rounds * Peak::CHAINS * isa.lanes()) as f64;
@@ -116,10 +116,10 @@ fn peaks(isa: Isa) -> [f64; 3] {
     let bytes = median(5, || {
         black_box(isa.run_dot(Peak { rounds }));
     });
-    let words = median(5, || {
-        black_box(isa.run_dot(WordsPeak { rounds }));
+    let int16 = median(5, || {
+        black_box(isa.run_dot(Int16Peak { rounds }));
     });
-    [operations / floats / 1e9, 4.0 * operations / bytes / 1e9, 2.0 * operations / words / 1e9]
+    [operations / floats / 1e9, 4.0 * operations / bytes / 1e9, 2.0 * operations / int16 / 1e9]
 }
 
 fn main() {
@@ -139,7 +139,7 @@ fn main() {
     let architecture = Architecture::new(widths, None);
     let threads = Threads::new(1);
     println!(
-        "one thread; ms (10^9 operations/s, % of the measured multiply-add peak, of bytes or words for those)"
+        "one thread; ms (10^9 operations/s, % of the measured multiply-add peak, of int8 or int16 for those)"
     );
     print!("{:18} {:>7}", "layer", "MMAC");
     for isa in &isas {
@@ -191,7 +191,7 @@ fn main() {
                 let rate = gflop / seconds;
                 let peak = match algorithm {
                     Algorithm::Int8(_) => peak[1],
-                    Algorithm::Words6(_) | Algorithm::Words8(_) => peak[2],
+                    Algorithm::Winograd6Int16(_) | Algorithm::Winograd8Int16(_) => peak[2],
                     _ => peak[0],
                 };
                 print!(" | {:7.3} ({rate:4.0}, {:3.0} %)", seconds * 1e3, 100.0 * rate / peak);

@@ -137,7 +137,7 @@ impl Isa {
     }
 
     /// How many products of bytes ([`Dot::dot`]) it makes in the time of one of `f32`.
-    pub(crate) fn bytes_speed(self) -> u64 {
+    pub(crate) fn int8_speed(self) -> u64 {
         match self {
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2Vnni(_) | Isa::Avx512Vnni(_) => 4,
@@ -149,13 +149,13 @@ impl Isa {
 
     /// How many products of `i16` ([`Dot::dot_pairs`]) it makes in the time of one of `f32`: every x86 processor has an instruction for
     /// two of them, NEON none that would be faster.
-    pub(crate) fn words_speed(self) -> u64 {
+    pub(crate) fn int16_speed(self) -> u64 {
         if cfg!(target_arch = "x86_64") { 2 } else { 1 }
     }
 
     /// Whether products of integers make a network faster than `f32` does.
     pub fn has_fast_integers(self) -> bool {
-        self.bytes_speed() > 1 || self.words_speed() > 1
+        self.int8_speed() > 1 || self.int16_speed() > 1
     }
 
     /// Lanes of one vector of `f32` or of sums; packed weights are padded to a multiple of it.

@@ -102,9 +102,9 @@ pub enum Algorithm {
     Int8(Quantization),
     /// Winograd's algorithm over tiles of 6 x 6 inputs with products of 16 bits, for inputs of the range that bytes quantized as given express; a closer
     /// approximation.
-    Words6(Quantization),
+    Winograd6Int16(Quantization),
     /// The same over tiles of 8 x 8 inputs.
-    Words8(Quantization),
+    Winograd8Int16(Quantization),
 }
 
 impl Algorithm {
@@ -119,14 +119,14 @@ impl Algorithm {
 
     /// All that compute in integers, for inputs that `input` expresses.
     pub fn integers(input: Quantization) -> [Algorithm; 3] {
-        [Algorithm::Int8(input), Algorithm::Words6(input), Algorithm::Words8(input)]
+        [Algorithm::Int8(input), Algorithm::Winograd6Int16(input), Algorithm::Winograd8Int16(input)]
     }
 
     /// This algorithm where it can compute `shape`, else `Direct`.
     pub fn supported(self, shape: &ConvShape) -> Algorithm {
         let fits = match self {
-            Algorithm::Words6(_) => winograd::fits_words(shape, 6),
-            Algorithm::Words8(_) => winograd::fits_words(shape, 8),
+            Algorithm::Winograd6Int16(_) => winograd::fits_int16(shape, 6),
+            Algorithm::Winograd8Int16(_) => winograd::fits_int16(shape, 8),
             _ => self.points().is_none_or(|points| winograd::fits(shape, points)),
         };
         if fits { self } else { Algorithm::Direct }
@@ -135,8 +135,8 @@ impl Algorithm {
     /// Points along one side of a tile of Winograd's algorithm; `None` for the others.
     fn points(self) -> Option<usize> {
         match self {
-            Algorithm::Winograd6 | Algorithm::Words6(_) => Some(6),
-            Algorithm::Winograd8 | Algorithm::Words8(_) => Some(8),
+            Algorithm::Winograd6 | Algorithm::Winograd6Int16(_) => Some(6),
+            Algorithm::Winograd8 | Algorithm::Winograd8Int16(_) => Some(8),
             Algorithm::Winograd10 => Some(10),
             Algorithm::Direct | Algorithm::Im2col | Algorithm::Int8(_) => None,
         }
@@ -148,12 +148,12 @@ impl Algorithm {
         Algorithm::cheapest(fitting, shape, |a| a.cost(1, shape, size))
     }
 
-    /// The same where bytes and words would do as well.
+    /// The same where integers would do as well.
     pub fn plan_integers(isa: Isa, shape: &ConvShape, size: Size, input: Quantization) -> Algorithm {
         let fitting = [Algorithm::plan(shape, size)].into_iter().chain(Algorithm::integers(input));
         let speed = |algorithm| match algorithm {
-            Algorithm::Int8(_) => isa.bytes_speed(),
-            Algorithm::Words6(_) | Algorithm::Words8(_) => isa.words_speed(),
+            Algorithm::Int8(_) => isa.int8_speed(),
+            Algorithm::Winograd6Int16(_) | Algorithm::Winograd8Int16(_) => isa.int16_speed(),
             _ => 1,
         };
         Algorithm::cheapest(fitting, shape, |a| a.cost(speed(a), shape, size))
@@ -214,8 +214,8 @@ impl Algorithm {
             Algorithm::Winograd8 => "winograd8",
             Algorithm::Winograd10 => "winograd10",
             Algorithm::Int8(_) => "int8",
-            Algorithm::Words6(_) => "words6",
-            Algorithm::Words8(_) => "words8",
+            Algorithm::Winograd6Int16(_) => "winograd6-int16",
+            Algorithm::Winograd8Int16(_) => "winograd8-int16",
         }
     }
 }
@@ -285,8 +285,8 @@ impl Conv {
         assert_eq!(bias.len(), shape.out_channels, "bias of {shape:?}");
         let algorithm = algorithm.supported(&shape);
         let weights = match (algorithm, algorithm.points()) {
-            (Algorithm::Words6(input) | Algorithm::Words8(input), Some(points)) => {
-                Packed::Winograd(winograd::Weights::words(isa, &shape, points, weights, input))
+            (Algorithm::Winograd6Int16(input) | Algorithm::Winograd8Int16(input), Some(points)) => {
+                Packed::Winograd(winograd::Weights::int16(isa, &shape, points, weights, input))
             }
             (_, Some(points)) => Packed::Winograd(winograd::Weights::new(isa, &shape, points, weights)),
             (Algorithm::Im2col, _) => Packed::Im2col(im2col::Weights::new(&shape, weights)),
@@ -310,8 +310,8 @@ impl Conv {
                 (6, None) => Algorithm::Winograd6,
                 (8, None) => Algorithm::Winograd8,
                 (_, None) => Algorithm::Winograd10,
-                (6, Some(input)) => Algorithm::Words6(input),
-                (_, Some(input)) => Algorithm::Words8(input),
+                (6, Some(input)) => Algorithm::Winograd6Int16(input),
+                (_, Some(input)) => Algorithm::Winograd8Int16(input),
             },
             Packed::Int8(weights) => Algorithm::Int8(weights.input),
         }
@@ -543,8 +543,8 @@ mod tests {
         }
     }
 
-    /// Words against the reference, with inputs that fill the range: bytes' error is 1.5 % of the outputs' RMS.
-    fn check_words(shape: ConvShape, size: Size, input: Quantization) {
+    /// 16-bit integers against the reference, with inputs that fill the range: bytes' error is 1.5 % of the outputs' RMS.
+    fn check_int16(shape: ConvShape, size: Size, input: Quantization) {
         let weights = noise(shape.out_channels * shape.window(), 1);
         let bias = noise(shape.out_channels, 2);
         let (low, high) = (input.value(0), input.value(255));
@@ -552,7 +552,9 @@ mod tests {
         let values: Vec<f32> = noise(size.area() * shape.in_channels, 3).into_iter().map(held).collect();
         let expected = crate::reference::conv(&shape, size, &values, &weights, &bias);
         let rms = (expected.iter().map(|y| y * y).sum::<f64>() / expected.len() as f64).sqrt();
-        for (algorithm, allowed) in [(Algorithm::Words6(input), 0.004), (Algorithm::Words8(input), 0.01)] {
+        for (algorithm, allowed) in
+            [(Algorithm::Winograd6Int16(input), 0.004), (Algorithm::Winograd8Int16(input), 0.01)]
+        {
             if algorithm.supported(&shape) != algorithm {
                 continue;
             }
@@ -571,7 +573,7 @@ mod tests {
                     let most = most.fold(0.0, f64::max);
                     let what = format!("{shape:?} on {size:?}, {isa}, {}", algorithm.name());
                     assert!(error < allowed && most < 6.0 * allowed, "{what}: {error}, at most {most}");
-                    // The transforms' roundings may turn a word here and there, the sums are the same.
+                    // The transforms' roundings may turn an integer here and there, the sums are the same.
                     let first = first.get_or_insert_with(|| out.clone());
                     let most = out.iter().zip(&*first).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                     assert!(f64::from(most) < allowed * rms, "{isa} differs by {most}");
@@ -581,18 +583,18 @@ mod tests {
     }
 
     #[test]
-    fn words_come_close_to_the_reference() {
+    fn int16_comes_close_to_the_reference() {
         let ranges = [Quantization::of_range(-1.0, 1.0), Quantization::of_range(0.0, 1.5)];
         for (i, n) in [1, 4, 7, 8, 15, 16, 17, 33, 48, 80].into_iter().enumerate() {
             for (in_channels, kernel, pad) in [(1, 3, 0), (5, 3, 1), (16, 5, 0), (19, 3, 0), (70, 5, 2)] {
                 let relu = i % 2 == 0;
                 let shape = ConvShape { in_channels, out_channels: n, kernel, stride: 1, pad, relu };
-                check_words(shape, Size { h: 9, w: 5 + 3 * i }, ranges[i % 2]);
+                check_int16(shape, Size { h: 9, w: 5 + 3 * i }, ranges[i % 2]);
             }
         }
         let shape =
             ConvShape { in_channels: 48, out_channels: 40, kernel: 3, stride: 1, pad: 0, relu: false };
-        check_words(shape, Size { h: 50, w: 47 }, ranges[1]);
+        check_int16(shape, Size { h: 50, w: 47 }, ranges[1]);
     }
 
     #[test]
@@ -615,7 +617,7 @@ mod tests {
 
     #[test]
     fn integers_where_they_are_faster() {
-        use Algorithm::{Int8, Winograd8, Words8};
+        use Algorithm::{Int8, Winograd8, Winograd8Int16};
         let input = Quantization { scale: 1.0, zero_point: 0 };
         for isa in Isa::available() {
             let plan = |in_channels, out_channels, side| {
@@ -623,9 +625,9 @@ mod tests {
                 Algorithm::plan_integers(isa, &shape, Size::square(side), input)
             };
             let (large, small) = (plan(192, 192, 32), plan(64, 64, 19));
-            match (isa.bytes_speed(), isa.words_speed()) {
-                (4, 2) => assert_eq!((large, small), (Words8(input), Int8(input)), "{isa}"),
-                (1, 2) => assert_eq!((large, small), (Words8(input), Words8(input)), "{isa}"),
+            match (isa.int8_speed(), isa.int16_speed()) {
+                (4, 2) => assert_eq!((large, small), (Winograd8Int16(input), Int8(input)), "{isa}"),
+                (1, 2) => assert_eq!((large, small), (Winograd8Int16(input), Winograd8Int16(input)), "{isa}"),
                 (4, 1) => assert_eq!((large, small), (Int8(input), Int8(input)), "{isa}"),
                 _ => assert_eq!((large, small), (Winograd8, Winograd8), "{isa}"),
             }

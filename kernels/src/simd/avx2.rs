@@ -1,6 +1,6 @@
 //! Eight lanes: AVX2 with FMA.
 
-use super::{Dot, DotKernel, Kernel, Simd, WORD_MAX};
+use super::{Dot, DotKernel, Kernel, MOST_INT16, Simd};
 use std::arch::x86_64::*;
 
 /// Proof that this machine has AVX2 and FMA.
@@ -94,16 +94,16 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn store_words(self, v: __m256, dst: &mut [i16]) {
+    fn store_int16(self, v: __m256, dst: &mut [i16]) {
         assert!(dst.len() >= 8);
-        let most = f32::from(WORD_MAX);
-        // SAFETY: there is room for eight words, the store is unaligned, `self` proves AVX2.
+        let most = f32::from(MOST_INT16);
+        // SAFETY: there is room for eight values, the store is unaligned, `self` proves AVX2.
         unsafe {
             let held = _mm256_min_ps(_mm256_max_ps(v, _mm256_set1_ps(-most)), _mm256_set1_ps(most));
             let rounded = _mm256_cvtps_epi32(held);
-            let words =
+            let narrow =
                 _mm_packs_epi32(_mm256_castsi256_si128(rounded), _mm256_extracti128_si256::<1>(rounded));
-            _mm_storeu_si128(dst.as_mut_ptr().cast(), words);
+            _mm_storeu_si128(dst.as_mut_ptr().cast(), narrow);
         }
     }
 
@@ -210,7 +210,7 @@ impl Dot for Avx2Vnni {
 
     #[inline(always)]
     fn load_pairs(self, pairs: &[[i16; 2]]) -> __m256i {
-        self.0.load_words(pairs)
+        self.0.load_int16(pairs)
     }
 
     #[inline(always)]
@@ -283,7 +283,7 @@ impl Dot for Avx2 {
 
     #[inline(always)]
     fn load_pairs(self, pairs: &[[i16; 2]]) -> __m256i {
-        self.load_words(pairs)
+        self.load_int16(pairs)
     }
 
     #[inline(always)]
@@ -325,7 +325,7 @@ impl Avx2 {
     }
 
     #[inline(always)]
-    fn load_words(self, pairs: &[[i16; 2]]) -> __m256i {
+    fn load_int16(self, pairs: &[[i16; 2]]) -> __m256i {
         assert!(pairs.len() >= 8);
         // SAFETY: eight pairs are there, the load is unaligned, `self` proves AVX2.
         unsafe { _mm256_loadu_si256(pairs.as_ptr().cast()) }

@@ -1,6 +1,6 @@
 //! Sixteen lanes: AVX-512.
 
-use super::{Dot, DotKernel, Kernel, Simd, WORD_MAX};
+use super::{Dot, DotKernel, Kernel, MOST_INT16, Simd};
 use std::arch::x86_64::*;
 
 /// Proof that this machine has AVX-512 F, BW, DQ and VL (every AVX-512 processor since 2017), AVX2 and FMA.
@@ -92,10 +92,10 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn store_words(self, v: __m512, dst: &mut [i16]) {
+    fn store_int16(self, v: __m512, dst: &mut [i16]) {
         assert!(dst.len() >= 16);
-        let most = f32::from(WORD_MAX);
-        // SAFETY: there is room for sixteen words, the store is unaligned, `self` proves AVX-512 F.
+        let most = f32::from(MOST_INT16);
+        // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512 F.
         unsafe {
             let held = _mm512_min_ps(_mm512_max_ps(v, _mm512_set1_ps(-most)), _mm512_set1_ps(most));
             _mm256_storeu_si256(dst.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(_mm512_cvtps_epi32(held)));
@@ -205,7 +205,7 @@ impl Dot for Avx512Vnni {
 
     #[inline(always)]
     fn load_pairs(self, pairs: &[[i16; 2]]) -> __m512i {
-        self.0.load_words(pairs)
+        self.0.load_int16(pairs)
     }
 
     #[inline(always)]
@@ -278,7 +278,7 @@ impl Dot for Avx512 {
 
     #[inline(always)]
     fn load_pairs(self, pairs: &[[i16; 2]]) -> __m512i {
-        self.load_words(pairs)
+        self.load_int16(pairs)
     }
 
     #[inline(always)]
@@ -320,7 +320,7 @@ impl Avx512 {
     }
 
     #[inline(always)]
-    fn load_words(self, pairs: &[[i16; 2]]) -> __m512i {
+    fn load_int16(self, pairs: &[[i16; 2]]) -> __m512i {
         assert!(pairs.len() >= 16);
         // SAFETY: sixteen pairs are there, the load is unaligned, `self` proves AVX-512 F.
         unsafe { _mm512_loadu_si512(pairs.as_ptr().cast()) }

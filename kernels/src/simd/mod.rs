@@ -24,9 +24,9 @@ pub use neon::NeonDot;
 pub(crate) use portable::Line;
 pub use portable::Portable;
 
-/// Largest magnitude that [`Simd::store_words`] writes: a bit less than 16 bits hold, which leaves one more to the other factor before sums of
+/// Largest magnitude that [`Simd::store_int16`] writes: a bit less than 16 bits hold, which leaves one more to the other factor before sums of
 /// products overflow.
-pub const WORD_MAX: i16 = (1 << 14) - 1;
+pub const MOST_INT16: i16 = (1 << 14) - 1;
 
 /// A computation whose body is compiled once per instruction set.
 pub trait Kernel {
@@ -75,9 +75,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// becomes 0. Panics if it is shorter.
     fn store_bytes(self, v: Self::F32, dst: &mut [u8]);
 
-    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in `-WORD_MAX..=WORD_MAX`.
+    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in `-MOST_INT16..=MOST_INT16`.
     /// Panics if it is shorter.
-    fn store_words(self, v: Self::F32, dst: &mut [i16]);
+    fn store_int16(self, v: Self::F32, dst: &mut [i16]);
 
     /// `a + b`.
     fn add(self, a: Self::F32, b: Self::F32) -> Self::F32;
@@ -230,15 +230,15 @@ mod tests {
                 s.store_bytes(s.splat(x), &mut bytes);
                 assert!(bytes.iter().all(|byte| *byte == expected), "{x}: {bytes:?}");
             }
-            let mut words = vec![7; n];
-            s.store_words(va, &mut words);
-            assert_eq!(words, a.iter().map(|x| x.round_ties_even() as i16).collect::<Vec<_>>());
-            for (x, expected) in [(-1e30, -WORD_MAX), (16383.4, WORD_MAX), (f32::INFINITY, WORD_MAX)] {
-                s.store_words(s.splat(x), &mut words);
-                assert!(words.iter().all(|word| *word == expected), "{x}: {words:?}");
+            let mut narrow = vec![7; n];
+            s.store_int16(va, &mut narrow);
+            assert_eq!(narrow, a.iter().map(|x| x.round_ties_even() as i16).collect::<Vec<_>>());
+            for (x, expected) in [(-1e30, -MOST_INT16), (16383.4, MOST_INT16), (f32::INFINITY, MOST_INT16)] {
+                s.store_int16(s.splat(x), &mut narrow);
+                assert!(narrow.iter().all(|x| *x == expected), "{x}: {narrow:?}");
             }
-            s.store_words(s.splat(f32::NAN), &mut words);
-            assert!(words.iter().all(|word| word.abs() <= WORD_MAX), "{words:?}");
+            s.store_int16(s.splat(f32::NAN), &mut narrow);
+            assert!(narrow.iter().all(|x| x.abs() <= MOST_INT16), "{narrow:?}");
             for len in 0..=n + 1 {
                 let partial: Vec<f32> = (0..len).map(|i| i as f32 + 1.0).collect();
                 check(s.load_partial(&partial), &|i| partial.get(i).copied().unwrap_or(0.0));
@@ -276,10 +276,10 @@ mod tests {
                     weights.iter().zip(&start).map(|(w, s)| (s + 2 * product(w)) as f32).collect();
                 assert_eq!(found, expected);
             }
-            let word = |i: usize| [32767i16, -32768, 1, -1, 12345, -777, 0, 16383][i % 8];
-            let pairs: Vec<[i16; 2]> = (0..n).map(|l| [word(3 * l), word(l + 5)]).collect();
+            let int16 = |i: usize| [32767i16, -32768, 1, -1, 12345, -777, 0, 16383][i % 8];
+            let pairs: Vec<[i16; 2]> = (0..n).map(|l| [int16(3 * l), int16(l + 5)]).collect();
             for first in 0..8 {
-                let x = [word(first).clamp(-WORD_MAX, WORD_MAX), word(first + 3) / 4];
+                let x = [int16(first).clamp(-MOST_INT16, MOST_INT16), int16(first + 3) / 4];
                 let lanes = dot.load_pairs(&pairs);
                 let mut found = vec![f32::NAN; n];
                 let sum = dot.dot_pairs(dot.splat_pair(x), lanes, dot.sums(&start));

@@ -1,6 +1,6 @@
 //! Four lanes through the crate `wide`: SSE2 on x86-64, NEON on aarch64, plain Rust elsewhere.
 
-use super::{Dot, DotKernel, Kernel, Simd, WORD_MAX};
+use super::{Dot, DotKernel, Kernel, MOST_INT16, Simd};
 use wide::{f32x4, i16x8, i32x4, u16x8};
 
 /// Sixteen values in one cache line of 64 bytes: a `Vec` of them begins with one, and reads as `f32` through bytemuck.
@@ -59,10 +59,10 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn store_words(self, v: f32x4, dst: &mut [i16]) {
-        let (words, _) = dst.split_first_chunk_mut::<4>().expect("a whole vector");
-        let most = f32::from(WORD_MAX);
-        *words = v.to_array().map(|x| x.clamp(-most, most).round_ties_even() as i16);
+    fn store_int16(self, v: f32x4, dst: &mut [i16]) {
+        let (values, _) = dst.split_first_chunk_mut::<4>().expect("a whole vector");
+        let most = f32::from(MOST_INT16);
+        *values = v.to_array().map(|x| x.clamp(-most, most).round_ties_even() as i16);
     }
 
     #[inline(always)]

@@ -22,15 +22,15 @@
 //! Source: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016; the choice of points: Barabasz et al., "Error
 //! analysis and improving the accuracy of Winograd convolution for deep neural networks", 2020.
 //!
-//! On large maps `U` is kept and read (`kept.rs`); on small ones it would take longer to read than to multiply with, and is made
-//! where it is used (`anew.rs`).
+//! In `f32`, `U` is kept and read on large maps (`kept.rs`); on small ones it would take longer to read than to multiply with, and is made
+//! where it is used (`anew.rs`). On 16-bit integers (`int16.rs`) it has half the size, and is kept.
 
 mod anew;
+mod int16;
 mod kept;
 mod points;
 mod strips;
 mod transforms;
-mod words;
 
 use super::{ConvShape, fold};
 use crate::par::{Share, Threads, Tiling};
@@ -52,7 +52,7 @@ pub(super) struct Weights {
 enum Kernels {
     Kept(kept::Weights),
     Anew(anew::Weights),
-    Words(words::Weights),
+    Int16(int16::Weights),
 }
 
 /// Whether there is an algorithm of `points` for the kernel without its stride.
@@ -66,8 +66,8 @@ pub(super) fn is_short(shape: &ConvShape) -> bool {
     shape.in_channels == kept::SHORT_CHANNELS
 }
 
-/// Whether there is one on words.
-pub(super) fn fits_words(shape: &ConvShape, points: usize) -> bool {
+/// Whether there is one on 16-bit integers.
+pub(super) fn fits_int16(shape: &ConvShape, points: usize) -> bool {
     shape.stride == 1 && [(6, 3), (8, 3), (8, 5)].contains(&(points, shape.kernel))
 }
 
@@ -90,8 +90,8 @@ impl Weights {
         Weights { shape: inner, points, kernels }
     }
 
-    /// From `[Cout, k, k, Cin]`, on words.
-    pub(super) fn words(
+    /// From `[Cout, k, k, Cin]`, on 16-bit integers.
+    pub(super) fn int16(
         isa: Isa,
         shape: &ConvShape,
         points: usize,
@@ -99,13 +99,13 @@ impl Weights {
         input: Quantization,
     ) -> Weights {
         let shape = fold::unstrided(shape);
-        let kernels = Kernels::Words(words::Weights::new(isa, &shape, points, weights, input));
+        let kernels = Kernels::Int16(int16::Weights::new(isa, &shape, points, weights, input));
         Weights { shape, points, kernels }
     }
 
-    /// The range of inputs, if it is on words.
+    /// The range of inputs, if it is on 16-bit integers.
     pub(super) fn input(&self) -> Option<Quantization> {
-        if let Kernels::Words(weights) = &self.kernels { Some(weights.input) } else { None }
+        if let Kernels::Int16(weights) = &self.kernels { Some(weights.input) } else { None }
     }
 
     /// The convolution without its stride.
@@ -123,7 +123,7 @@ impl Weights {
         let each = match kernels {
             Kernels::Kept(weights) => kept::scratch_len(weights, &shape, points, out),
             Kernels::Anew(weights) => anew::scratch_len(weights, &shape, points, out),
-            Kernels::Words(weights) => words::scratch_len(weights, &shape, points, out),
+            Kernels::Int16(weights) => int16::scratch_len(weights, &shape, points, out),
         };
         each * threads.count()
     }
@@ -151,7 +151,7 @@ impl Winograd<'_> {
         threads.split_tiles(out, tiling, scratch, |share| match &self.weights.kernels {
             Kernels::Kept(weights) => self.isa.run(Part { conv: self, weights, share }),
             Kernels::Anew(weights) => self.isa.run(Part { conv: self, weights, share }),
-            Kernels::Words(weights) => self.isa.run_dot(Part { conv: self, weights, share }),
+            Kernels::Int16(weights) => self.isa.run_dot(Part { conv: self, weights, share }),
         });
     }
 }

@@ -90,17 +90,26 @@ fn time(isa: Isa, algorithm: Algorithm, shape: ConvShape, size: Size) -> f64 {
 
 /// The table for people.
 pub fn text(model: &Model, rows: &[Row]) -> String {
-    let columns = ["direct", "im2col", "winograd6", "winograd8", "winograd10", "int8", "words6", "words8"];
+    let columns = [
+        "direct",
+        "im2col",
+        "winograd6",
+        "winograd8",
+        "winograd10",
+        "int8",
+        "winograd6-int16",
+        "winograd8-int16",
+    ];
     let mut text =
         format!("one thread, {}, ms per convolution\n\n{:18} {:>8}", model.isa().name(), "layer", "MMAC");
-    columns.iter().for_each(|name| text += &format!(" {name:>10}"));
-    text += &format!("  {:>10} {:>10}\n", "planned", "fastest");
+    columns.iter().for_each(|name| text += &format!(" {name:>15}"));
+    text += &format!("  {:>15} {:>15}\n", "planned", "fastest");
     for row in rows {
         text += &format!("{:18} {:8.1}", row.layer, row.mmacs);
         for name in columns {
-            text += &row.time(name).map_or(format!(" {:>10}", "-"), |ms| format!(" {ms:10.3}"));
+            text += &row.time(name).map_or(format!(" {:>15}", "-"), |ms| format!(" {ms:15.3}"));
         }
-        text += &format!("  {:>10} {:>10}\n", row.planned, row.fastest());
+        text += &format!("  {:>15} {:>15}\n", row.planned, row.fastest());
     }
     let [planned, fastest] = totals(rows);
     text + &format!(

@@ -1,4 +1,4 @@
-//! Winograd's algorithm on 16-bit words, for maps of which is known what range their values have.
+//! Winograd's algorithm on 16-bit integers, for maps of which is known what range their values have.
 //!
 //! A dot product of pairs of `i16` takes half as long as two products of `f32` where the instruction set has one, and half the memory. What is
 //! multiplied is `V` and `U`, not inputs and weights, so each point has its own scale, and `U` one per output channel as well:
@@ -23,7 +23,7 @@ use super::transforms::{HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps
 use super::{LINE, Part, Winograd, from_line};
 use crate::par::Share;
 use crate::quant::Quantization;
-use crate::simd::{Dot, DotKernel, Simd, WORD_MAX};
+use crate::simd::{Dot, DotKernel, MOST_INT16, Simd};
 use crate::{Aligned, Isa, Size};
 
 /// Two input channels of one lane.
@@ -53,19 +53,19 @@ impl Weights {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
         let channels = vectors * isa.lanes();
         let bounds = bounds(points, [input.value(0), input.value(u8::MAX)]);
-        let factors: Vec<f32> = bounds.iter().map(|bound| f32::from(WORD_MAX) / bound).collect();
+        let factors: Vec<f32> = bounds.iter().map(|bound| f32::from(MOST_INT16) / bound).collect();
         let all = transform_kernels(isa, shape, points, blocks(vectors), weights);
         let mut u = Aligned::zeros(points * points * pairs(shape) * channels);
         let mut scale = Aligned::zeros(points * points * channels);
-        let (mut all, mut words, mut scales) = (&all[..], &mut u[..], &mut scale[..]);
+        let (mut all, mut rest, mut scales) = (&all[..], &mut u[..], &mut scale[..]);
         for factors in factors.chunks(points) {
             for lanes in blocks(vectors).map(|vectors| vectors * isa.lanes()) {
                 for factor in factors {
-                    let (values, word, scale);
+                    let (values, integers, scale);
                     (values, all) = all.split_at(shape.in_channels * lanes);
-                    (word, words) = words.split_at_mut(pairs(shape) * lanes);
+                    (integers, rest) = rest.split_at_mut(pairs(shape) * lanes);
                     (scale, scales) = scales.split_at_mut(lanes);
-                    round(values, lanes, word, scale);
+                    round(values, lanes, integers, scale);
                     scale.iter_mut().for_each(|scale| *scale /= factor);
                 }
             }
@@ -102,8 +102,8 @@ fn bounds(points: usize, [low, high]: [f32; 2]) -> Vec<f32> {
     rows.iter().flat_map(|y| rows.iter().map(move |x| bound(*y, *x))).collect()
 }
 
-/// Rounds `values` (`[Cin, lanes]`) to `words` (`[pairs of Cin, lanes]`), and says what one of them is worth in each lane.
-fn round(values: &[f32], lanes: usize, words: &mut [Pair], scale: &mut [f32]) {
+/// Rounds `values` (`[Cin, lanes]`) to `pairs` (`[pairs of Cin, lanes]`), and says what one of them is worth in each lane.
+fn round(values: &[f32], lanes: usize, pairs: &mut [Pair], scale: &mut [f32]) {
     let channels = values.len() / lanes;
     let (mut sums, mut most) = (vec![0.0f32; lanes], vec![0.0f32; lanes]);
     for values in values.chunks_exact(lanes) {
@@ -113,30 +113,30 @@ fn round(values: &[f32], lanes: usize, words: &mut [Pair], scale: &mut [f32]) {
         }
     }
     // Rounding adds at most a half to each.
-    let sum = (i32::MAX / i32::from(WORD_MAX)) as f32 - channels as f32;
+    let sum = (i32::MAX / i32::from(MOST_INT16)) as f32 - channels as f32;
     for (lane, scale) in scale.iter_mut().enumerate() {
         *scale = (sums[lane] / sum).max(most[lane] / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
     }
     for (i, values) in values.chunks_exact(lanes).enumerate() {
-        let words = &mut words[i / 2 * lanes..][..lanes];
-        for ((word, value), scale) in words.iter_mut().zip(values).zip(&*scale) {
-            word[i % 2] = (value / scale).round_ties_even() as i16;
+        let pairs = &mut pairs[i / 2 * lanes..][..lanes];
+        for ((pair, value), scale) in pairs.iter_mut().zip(values).zip(&*scale) {
+            pair[i % 2] = (value / scale).round_ties_even() as i16;
         }
     }
 }
 
-/// `V` in words.
+/// `V` in 16-bit integers.
 #[derive(Clone, Copy)]
-struct Words<'a> {
+struct Rounded<'a> {
     factors: &'a [f32],
 }
 
-impl To for Words<'_> {
+impl To for Rounded<'_> {
     type Value = i16;
 
     #[inline(always)]
     fn store<S: Simd>(self, simd: S, point: usize, v: S::F32, out: &mut [i16]) {
-        simd.store_words(simd.mul_add(v, simd.splat(self.factors[point]), simd.zero()), out);
+        simd.store_int16(simd.mul_add(v, simd.splat(self.factors[point]), simd.zero()), out);
     }
 }
 
@@ -187,7 +187,7 @@ impl Part<'_, Weights> {
                 v: bytemuck::cast_slice_mut::<f32, i16>(v),
                 places: strip.places(pairs).map(|place| 2 * place),
                 steps: Steps { point: 2 * plan.v_step, vector },
-                to: Words { factors: &weights.factors },
+                to: Rounded { factors: &weights.factors },
             });
             let v: &[Pair] = bytemuck::cast_slice(v);
             let (mut u, mut scale) = (&weights.u[..], &weights.scale[..]);
@@ -326,8 +326,8 @@ fn products<D: Dot, const TILES: usize, const VECTORS: usize, const AHEAD: bool>
         for k in 0..VECTORS {
             w[k] = dot.load_pairs(&weights[k * D::Float::LANES..]);
             if AHEAD {
-                let words: &[f32] = bytemuck::cast_slice(&weights[k * D::Float::LANES..]);
-                dot.float().prefetch(words, u.len());
+                let lines: &[f32] = bytemuck::cast_slice(&weights[k * D::Float::LANES..]);
+                dot.float().prefetch(lines, u.len());
             }
         }
         for i in 0..TILES {
@@ -345,7 +345,7 @@ mod tests {
     use super::*;
     use crate::testing::noise;
 
-    /// Whatever `V` is, the sums of products stay within 32 bits, and words are worth what they stand for.
+    /// Whatever `V` is, the sums of products stay within 32 bits, and integers are worth what they stand for.
     #[test]
     fn no_sum_overflows() {
         let lanes = 8;
@@ -355,15 +355,15 @@ mod tests {
                 (values[0], values[1], values[2]) = (1.0, -1e-20, 0.0);
             }
             all[3] = 1e6; // beside which the lane's other values vanish
-            let mut words = vec![[0; 2]; channels.div_ceil(2) * lanes];
+            let mut rounded = vec![[0; 2]; channels.div_ceil(2) * lanes];
             let mut scale = vec![0.0; lanes];
-            round(&all, lanes, &mut words, &mut scale);
+            round(&all, lanes, &mut rounded, &mut scale);
             for (lane, scale) in scale.iter().enumerate() {
-                let word = |i: usize| i64::from(words[i / 2 * lanes + lane][i % 2]);
-                let sum: i64 = (0..channels).map(|i| word(i).abs()).sum();
-                assert!(sum * i64::from(WORD_MAX) <= i64::from(i32::MAX), "{channels} channels: {sum}");
+                let value = |i: usize| i64::from(rounded[i / 2 * lanes + lane][i % 2]);
+                let sum: i64 = (0..channels).map(|i| value(i).abs()).sum();
+                assert!(sum * i64::from(MOST_INT16) <= i64::from(i32::MAX), "{channels} channels: {sum}");
                 for i in 0..channels {
-                    let error = (word(i) as f32 * scale - all[i * lanes + lane]).abs();
+                    let error = (value(i) as f32 * scale - all[i * lanes + lane]).abs();
                     assert!(error <= 0.501 * scale, "{channels} channels, lane {lane}: {error} of {scale}");
                 }
             }
