@@ -50,6 +50,9 @@ impl FilterShape {
     }
 }
 
+/// Rows of features that are asked for ahead of the last one in use.
+const AHEAD: usize = 3;
+
 /// Some rows of a response.
 struct Respond<'a> {
     shape: FilterShape,
@@ -113,17 +116,24 @@ impl Kernel for Respond<'_> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         if self.shape.filter.w.is_multiple_of(4) {
-            self.rows::<S, 4, 11, 7, 4>(simd);
+            self.rows::<S, 4, 11, 10, 7, 4>(simd);
         } else {
-            self.rows::<S, 1, 8, 4, 1>(simd);
+            self.rows::<S, 1, 8, 7, 4, 1>(simd);
         }
     }
 }
 
 impl Respond<'_> {
-    /// All rows, `TAPS` of a row of the filter at a time: 8, 4 or 1 values depend on so many cells of the features at a time.
+    /// All rows, `TAPS` of a row of the filter at a time: 8, 7, 4 or 1 values depend on so many cells of the features at a time.
     #[inline(always)]
-    fn rows<S: Simd, const TAPS: usize, const CELLS_8: usize, const CELLS_4: usize, const CELLS_1: usize>(
+    fn rows<
+        S: Simd,
+        const TAPS: usize,
+        const CELLS_8: usize,
+        const CELLS_7: usize,
+        const CELLS_4: usize,
+        const CELLS_1: usize,
+    >(
         &mut self,
         simd: S,
     ) {
@@ -133,6 +143,7 @@ impl Respond<'_> {
             while x < width {
                 x += match width - x {
                     8.. if S::LANES == 16 => self.tile::<S, TAPS, 8, CELLS_8>(simd, y, x, width),
+                    7 if S::LANES == 16 => self.tile::<S, TAPS, 7, CELLS_7>(simd, y, x, width),
                     4.. => self.tile::<S, TAPS, 4, CELLS_4>(simd, y, x, width),
                     _ => self.tile::<S, TAPS, 1, CELLS_1>(simd, y, x, width),
                 };
@@ -164,6 +175,12 @@ impl Respond<'_> {
                     let mut cells = [simd.zero(); CELLS];
                     for i in 0..CELLS {
                         cells[i] = load(&met[i * channels + c..i * channels + end]);
+                    }
+                    if u + 1 == filter.h && v == 0 {
+                        // A look comes from memory or the third cache, and this is the first time that it is read.
+                        for i in 0..VALUES {
+                            simd.prefetch(&met[i * channels + c..], AHEAD * self.shape.size.w * channels);
+                        }
                     }
                     for t in 0..TAPS {
                         let tap = load(&taps[t * channels + c..t * channels + end]);
