@@ -67,8 +67,8 @@ pub struct EngineArgs {
     /// Instruction set, of those that `track-cpu doctor` lists [default: the fastest].
     #[arg(long, value_name = "NAME", value_parser = isa)]
     pub isa: Option<Isa>,
-    /// Arithmetic of the network: f32, or int8 where the model is calibrated for it [default: int8 if the processor has
-    /// instructions for it and the model allows it].
+    /// Arithmetic of the network: f32, or int8, integers of 8 and 16 bits, where the model is calibrated for it [default: int8 if
+    /// the model allows it and the processor multiplies integers faster].
     #[arg(long, value_name = "NAME", value_parser = precision)]
     pub precision: Option<Precision>,
     /// Share of the network's error in the first frame that is taken out of all later boxes, 0 to 1; 0 is the paper's tracker
