@@ -12,16 +12,15 @@
 //! Both keep about eleven bits of their values' spread, and the outputs three more than where inputs and weights are bytes: the error
 //! is 0.3 % of the outputs' RMS with 6 points and 0.7 % with 8 (bytes: 1.5 %). With 10 points it would be 4 %.
 //!
-//! The walk is that of `kept.rs` with two input channels per step.
+//! The walk is that of `kept.rs` (`strips.rs`) with two input channels per step.
 
 use super::super::ConvShape;
 use super::super::direct::blocks;
 use super::kept::transform_kernels;
 use super::points::input_matrix;
-use super::strips::{self, Plan, Strip};
-use super::transforms::{HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, To};
-use super::{LINE, Part, Winograd, from_line};
-use crate::par::Share;
+use super::strips::{self, Block, Plan, Strip, Walk};
+use super::transforms::{HalfOutputs, To};
+use super::{LINE, Part};
 use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, MOST_INT16, Simd};
 use crate::{Aligned, Isa, Size};
@@ -142,7 +141,7 @@ impl To for Rounded<'_> {
 
 /// Scratch values per thread.
 pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> usize {
-    LINE + weights.plan(shape, points, out).lens(points).iter().sum::<usize>()
+    LINE + weights.plan(shape, points, out).scratch_len(points)
 }
 
 impl DotKernel for Part<'_, Weights> {
@@ -151,9 +150,9 @@ impl DotKernel for Part<'_, Weights> {
     #[inline(always)]
     fn run<D: Dot>(self, dot: D) {
         match (self.conv.weights.points, self.conv.weights.shape.kernel) {
-            (6, 3) => self.run_sized::<D, 6, 3, 4>(dot),
-            (8, 3) => self.run_sized::<D, 8, 3, 6>(dot),
-            (8, 5) => self.run_sized::<D, 8, 5, 4>(dot),
+            (6, 3) => self.run_sized::<D, 6, 4>(dot),
+            (8, 3) => self.run_sized::<D, 8, 6>(dot),
+            (8, 5) => self.run_sized::<D, 8, 4>(dot),
             (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
         }
     }
@@ -161,67 +160,25 @@ impl DotKernel for Part<'_, Weights> {
 
 impl Part<'_, Weights> {
     #[inline(always)]
-    fn run_sized<D: Dot, const A: usize, const K: usize, const M: usize>(self, dot: D) {
+    fn run_sized<D: Dot, const A: usize, const M: usize>(self, dot: D) {
         let Part { conv, weights, share } = self;
-        let Share { first_row, tiles: all, mut map, scratch } = share;
-        let Winograd { bias, input, size, .. } = *conv;
-        let ConvShape { in_channels, out_channels: cout, relu, .. } = conv.weights.shape;
-        let (simd, vector) = (dot.float(), D::Float::LANES);
-        let pairs = pairs(&conv.weights.shape);
-        let width = size.w + 1 - K;
-        let plan = &weights.plan(&conv.weights.shape, A, Size { h: size.h + 1 - K, w: width });
-        let [lines_len, v_len, m_len, _] = plan.lens(A);
-        let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
-        let (v, scratch) = scratch.split_at_mut(v_len);
-        let (m, half) = scratch.split_at_mut(m_len);
-        for first_tile in all.clone().step_by(plan.strip) {
-            let strip = &Strip { plan, tiles: first_tile..all.end.min(first_tile + plan.strip) };
-            let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
-            simd.call(InputTiles::<_, _, A, M> {
-                input,
-                size,
-                channels: in_channels,
-                first_row,
-                tiles: tiles.clone(),
-                lines: &mut *lines,
-                v: bytemuck::cast_slice_mut::<f32, i16>(v),
-                places: strip.places(pairs).map(|place| 2 * place),
-                steps: Steps { point: 2 * plan.v_step, vector },
-                to: Rounded { factors: &weights.factors },
-            });
-            let v: &[Pair] = bytemuck::cast_slice(v);
-            let (mut u, mut scale) = (&weights.u[..], &weights.scale[..]);
-            for (i, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
-                let mut first = 0; // channel of the block
-                for vectors in blocks(cout.div_ceil(vector)) {
-                    let lanes = vectors * vector;
-                    let (row, scales);
-                    (row, u) = u.split_at(A * pairs * lanes);
-                    (scales, scale) = scale.split_at(A * lanes);
-                    let m = &mut m[..A * strip.tiles.len() * lanes];
-                    let v = &v[i * A * plan.v_step..];
-                    dot.call(Products::<A> { strip, vectors, v, u: row, scale: scales, m: &mut *m });
-                    let half = &mut half[M * strip.tiles.len() * first..];
-                    simd.call(HalfOutputs::<A, M> { m, half });
-                    first += lanes;
-                }
-            }
-            let mut first = 0;
-            for vectors in blocks(cout.div_ceil(vector)) {
-                let lanes = vectors * vector;
-                let block = OutputBlock {
-                    vectors,
-                    half: &half[M * strip.tiles.len() * first..],
-                    half_step: plan.half_step,
-                    bias: &bias[first..][..lanes.min(cout - first)],
-                    relu,
-                    channels: cout,
-                    first,
-                };
-                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
-                first += lanes;
-            }
-        }
+        let (simd, shape) = (dot.float(), &conv.weights.shape);
+        let inputs = pairs(shape);
+        let walk = Walk {
+            conv,
+            share,
+            plan: &weights.plan(shape, A, shape.out_size(conv.size)),
+            inputs,
+            widths: blocks(shape.out_channels.div_ceil(D::Float::LANES)),
+            to: Rounded { factors: &weights.factors },
+        };
+        walk.run::<D::Float, A, M>(simd, |Block { strip, row, first, vectors, v, m, half }| {
+            let (from, lanes) = ((row * weights.channels + first) * A, vectors * D::Float::LANES);
+            let u = &weights.u[from * inputs..][..A * inputs * lanes];
+            let (v, scale) = (bytemuck::cast_slice(v), &weights.scale[from..][..A * lanes]);
+            dot.call(Products::<A> { strip, vectors, v, u, scale, m: &mut *m });
+            simd.call(HalfOutputs::<A, M> { m, half });
+        });
     }
 }
 

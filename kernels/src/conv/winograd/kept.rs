@@ -2,7 +2,7 @@
 //!
 //! A thread takes its tiles a strip at a time, and does all three steps for it in its own scratch space, a row of points at a time: its part of
 //! `V` stays in the second cache while all output channels pass over it. A block's row of `M` is halfway to outputs as soon as it is
-//! multiplied, and never leaves the first cache:
+//! multiplied, and never leaves the first cache (`strips.rs`):
 //!
 //! ```text
 //! for each strip of tiles
@@ -20,10 +20,9 @@
 use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix, output_values};
-use super::strips::{self, Plan, Strip};
-use super::transforms::{Floats, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles};
-use super::{LINE, Part, Winograd, from_line, is_short, pack, step};
-use crate::par::Share;
+use super::strips::{self, Block, Plan, Strip, Walk};
+use super::transforms::{Floats, HalfOutputs};
+use super::{LINE, Part, is_short, pack, step};
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
 
@@ -177,7 +176,7 @@ impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
 
 /// Scratch values per thread.
 pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> usize {
-    LINE + weights.plan(shape, points, out).lens(points).iter().sum::<usize>()
+    LINE + weights.plan(shape, points, out).scratch_len(points)
 }
 
 impl Kernel for Part<'_, Weights> {
@@ -186,11 +185,11 @@ impl Kernel for Part<'_, Weights> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         match (self.conv.weights.points, self.conv.weights.shape.kernel) {
-            (6, 5) => self.run_sized::<S, 6, 5, 2>(simd),
-            (8, 5) => self.run_sized::<S, 8, 5, 4>(simd),
-            (10, 5) => self.run_sized::<S, 10, 5, 6>(simd),
-            (8, 6) => self.run_sized::<S, 8, 6, 3>(simd),
-            (10, 6) => self.run_sized::<S, 10, 6, 5>(simd),
+            (6, 5) => self.run_sized::<S, 6, 2>(simd),
+            (8, 5) => self.run_sized::<S, 8, 4>(simd),
+            (10, 5) => self.run_sized::<S, 10, 6>(simd),
+            (8, 6) => self.run_sized::<S, 8, 3>(simd),
+            (10, 6) => self.run_sized::<S, 10, 5>(simd),
             (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
         }
     }
@@ -198,67 +197,28 @@ impl Kernel for Part<'_, Weights> {
 
 impl Part<'_, Weights> {
     #[inline(always)]
-    fn run_sized<S: Simd, const A: usize, const K: usize, const M: usize>(self, simd: S) {
+    fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
         let Part { conv, weights, share } = self;
-        let Share { first_row, tiles: all, mut map, scratch } = share;
-        let Winograd { bias, input, size, .. } = *conv;
-        let ConvShape { in_channels: cin, out_channels: cout, relu, .. } = conv.weights.shape;
-        let width = size.w + 1 - K;
-        let plan = &weights.plan(&conv.weights.shape, A, Size { h: size.h + 1 - K, w: width });
-        let [lines_len, v_len, m_len, _] = plan.lens(A);
-        let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
-        let (v, scratch) = scratch.split_at_mut(v_len);
-        let (m, half) = scratch.split_at_mut(m_len);
-        let u = &*weights.u;
-        for first_tile in all.clone().step_by(plan.strip) {
-            let strip = &Strip { plan, tiles: first_tile..all.end.min(first_tile + plan.strip) };
-            let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
-            simd.call(InputTiles::<_, _, A, M> {
-                input,
-                size,
-                channels: cin,
-                first_row,
-                tiles: tiles.clone(),
-                lines: &mut *lines,
-                v: &mut *v,
-                places: strip.places(cin),
-                steps: Steps { point: plan.v_step, vector: S::LANES },
-                to: Floats,
-            });
-            let mut u = u;
-            for (i, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
-                let mut first = 0; // channel of the block
-                for vectors in widths(weights.short, cout.div_ceil(S::LANES)) {
-                    let lanes = vectors * S::LANES;
-                    let row;
-                    (row, u) = u.split_at(A * cin * lanes);
-                    let (v, half) = (&v[i * A * plan.v_step..], &mut half[M * strip.tiles.len() * first..]);
-                    if weights.short {
-                        simd.call(ShortProducts::<A, M> { strip, v, u: row, half });
-                    } else {
-                        let m = &mut m[..A * strip.tiles.len() * lanes];
-                        simd.call(Products::<A> { strip, vectors, v, u: row, m: &mut *m });
-                        simd.call(HalfOutputs::<A, M> { m, half });
-                    }
-                    first += lanes;
-                }
+        let shape = &conv.weights.shape;
+        let inputs = shape.in_channels;
+        let walk = Walk {
+            conv,
+            share,
+            plan: &weights.plan(shape, A, shape.out_size(conv.size)),
+            inputs,
+            widths: widths(weights.short, shape.out_channels.div_ceil(S::LANES)),
+            to: Floats,
+        };
+        walk.run::<S, A, M>(simd, |Block { strip, row, first, vectors, v, m, half }| {
+            let u = &weights.u[(row * weights.channels + first) * A * inputs..];
+            let u = &u[..A * inputs * vectors * S::LANES];
+            if weights.short {
+                simd.call(ShortProducts::<A, M> { strip, v, u, half });
+            } else {
+                simd.call(Products::<A> { strip, vectors, v, u, m: &mut *m });
+                simd.call(HalfOutputs::<A, M> { m, half });
             }
-            let mut first = 0;
-            for vectors in widths(weights.short, cout.div_ceil(S::LANES)) {
-                let lanes = vectors * S::LANES;
-                let block = OutputBlock {
-                    vectors,
-                    half: &half[M * strip.tiles.len() * first..],
-                    half_step: plan.half_step,
-                    bias: &bias[first..][..lanes.min(cout - first)],
-                    relu,
-                    channels: cout,
-                    first,
-                };
-                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
-                first += lanes;
-            }
-        }
+        });
     }
 }
 

@@ -1,9 +1,12 @@
-//! How the tiles of a large map are cut into strips, and the scratch space for one: for both ways in which `U` is kept.
+//! The walk over a map by strips of tiles, for both ways in which `U` is kept, and the scratch space for a strip.
 
 use super::super::ConvShape;
-use super::transforms::lines_len;
-use super::{rows_per_tile, step};
+use super::transforms::{InputTiles, OutputBlock, OutputTiles, Steps, Tiles, To, lines_len};
+use super::{Winograd, from_line, rows_per_tile, step};
 use crate::Size;
+use crate::par::Share;
+use crate::simd::Simd;
+use bytemuck::Pod;
 use std::ops::Range;
 
 /// Values of `V` and `M A` in a strip: so many, or this share of those of `U`. Smaller strips read `U` more often; of larger
@@ -59,9 +62,14 @@ impl Plan {
     }
 
     /// Values on the way to `V`, of `V`, of a row of `M`, and of `M A`.
-    pub fn lens(&self, points: usize) -> [usize; 4] {
+    fn lens(&self, points: usize) -> [usize; 4] {
         let groups = self.strip.div_ceil(self.group);
         [self.lines_len, groups * self.v_len, self.m_len, points * self.half_step]
+    }
+
+    /// Scratch values for a strip.
+    pub fn scratch_len(&self, points: usize) -> usize {
+        self.lens(points).iter().sum()
     }
 }
 
@@ -82,11 +90,96 @@ impl Strip<'_> {
 
     /// Where each tile's V begins, of so many `inputs` per point.
     #[inline(always)]
-    pub fn places(&self, inputs: usize) -> impl Iterator<Item = usize> {
+    fn places(&self, inputs: usize) -> impl Iterator<Item = usize> {
         let v_len = self.plan.v_len;
         let groups = self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
         groups
             .enumerate()
             .flat_map(move |(group, tiles)| (0..tiles).map(move |tile| group * v_len + tile * inputs))
+    }
+}
+
+/// A thread's part of a map, on which `V` is held as `to` holds it.
+pub(super) struct Walk<'a, W, T> {
+    pub conv: &'a Winograd<'a>,
+    pub share: Share<'a>,
+    pub plan: &'a Plan,
+    pub inputs: usize, // values of 32 bits in V, per tile and point
+    pub widths: W,     // of the blocks, in vectors
+    pub to: T,
+}
+
+/// What is to be multiplied at a time: a row of points, a block of output channels, and the tiles of a strip.
+pub(super) struct Block<'a> {
+    pub strip: &'a Strip<'a>,
+    pub row: usize,
+    pub first: usize, // channel of the block
+    pub vectors: usize,
+    pub v: &'a [f32],        // of the row's first point and the first group
+    pub m: &'a mut [f32],    // room for [tiles * vectors][A][LANES]: the row of M
+    pub half: &'a mut [f32], // [tiles * vectors][M][LANES]: what is to become the row of M A
+}
+
+impl<W: Iterator<Item = usize> + Clone, T: To<Value: Pod>> Walk<'_, W, T> {
+    /// All strips; `multiply` turns `V` into `M A`.
+    #[inline(always)]
+    pub fn run<S: Simd, const A: usize, const M: usize>(self, simd: S, mut multiply: impl FnMut(Block<'_>)) {
+        let Walk { conv, share, plan, inputs, widths, to } = self;
+        let Share { first_row, tiles: all, mut map, scratch } = share;
+        let Winograd { bias, input, size, .. } = *conv;
+        let ConvShape { in_channels: channels, relu, .. } = conv.weights.shape;
+        let width = conv.weights.shape.out_size(size).w;
+        let [lines_len, v_len, m_len, _] = plan.lens(A);
+        let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
+        let (v, scratch) = scratch.split_at_mut(v_len);
+        let (m, half) = scratch.split_at_mut(m_len);
+        let per_float = size_of::<f32>() / size_of::<T::Value>();
+        for first_tile in all.clone().step_by(plan.strip) {
+            let strip = &Strip { plan, tiles: first_tile..all.end.min(first_tile + plan.strip) };
+            let count = strip.tiles.len();
+            let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
+            simd.call(InputTiles::<_, _, A, M> {
+                input,
+                size,
+                channels,
+                first_row,
+                tiles: tiles.clone(),
+                lines: &mut *lines,
+                v: bytemuck::cast_slice_mut(v),
+                places: strip.places(inputs).map(|place| place * per_float),
+                steps: Steps { point: plan.v_step * per_float, vector: S::LANES },
+                to,
+            });
+            for (row, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
+                let mut first = 0;
+                for vectors in widths.clone() {
+                    multiply(Block {
+                        strip,
+                        row,
+                        first,
+                        vectors,
+                        v: &v[row * A * plan.v_step..],
+                        m: &mut m[..A * count * vectors * S::LANES],
+                        half: &mut half[M * count * first..],
+                    });
+                    first += vectors * S::LANES;
+                }
+            }
+            let mut first = 0;
+            for vectors in widths.clone() {
+                let last = bias.len().min(first + vectors * S::LANES);
+                let block = OutputBlock {
+                    vectors,
+                    half: &half[M * count * first..],
+                    half_step: plan.half_step,
+                    bias: &bias[first..last],
+                    relu,
+                    channels: bias.len(),
+                    first,
+                };
+                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
+                first += vectors * S::LANES;
+            }
+        }
     }
 }
