@@ -12,6 +12,15 @@ use std::time::Instant;
 use track_cpu::model::conv_shape;
 use weights_format::{Architecture, Branch, LayerKind, Widths};
 
+/// One number that depends on every chain, so that none is left out.
+#[inline(always)]
+fn total<S: Simd>(simd: S, sums: [S::F32; Peak::CHAINS]) -> f32 {
+    let all = sums.into_iter().fold(simd.zero(), |all, sum| simd.add(all, sum));
+    let mut out = vec![0.0; S::LANES];
+    simd.store(all, &mut out);
+    out[0]
+}
+
 /// Independent multiply-adds, as many as hide the latency.
 struct Peak {
     rounds: usize,
@@ -36,10 +45,7 @@ impl Kernel for Peak {
                 *sum = simd.mul_add(*sum, factor, factor);
             }
         }
-        let all = sums.into_iter().fold(simd.zero(), |all, sum| simd.add(all, sum));
-        let mut out = vec![0.0; S::LANES];
-        simd.store(all, &mut out);
-        out[0]
+        total(simd, sums)
     }
 }
 
@@ -57,11 +63,7 @@ impl DotKernel for Peak {
                 *sum = dot.dot(x, weights, *sum);
             }
         }
-        let simd = dot.float();
-        let all = sums.into_iter().fold(simd.zero(), |all, sum| simd.add(all, dot.to_f32(sum)));
-        let mut out = vec![0.0; lanes];
-        simd.store(all, &mut out);
-        out[0]
+        total(dot.float(), sums.map(|sum| dot.to_f32(sum)))
     }
 }
 
@@ -85,11 +87,7 @@ impl DotKernel for Int16Peak {
                 *sum = dot.dot_pairs(x, weights, *sum);
             }
         }
-        let simd = dot.float();
-        let all = sums.into_iter().fold(simd.zero(), |all, sum| simd.add(all, dot.to_f32(sum)));
-        let mut out = vec![0.0; lanes];
-        simd.store(all, &mut out);
-        out[0]
+        total(dot.float(), sums.map(|sum| dot.to_f32(sum)))
     }
 }
 

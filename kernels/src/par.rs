@@ -152,14 +152,14 @@ pub struct Share<'a> {
     /// The tiles, counted from the first one in that row.
     pub tiles: Range<usize>,
     /// What they write.
-    pub map: Tiles<'a>,
+    pub map: MapPart<'a>,
     /// This thread's part of the scratch space.
     pub scratch: &'a mut [f32],
 }
 
-/// A map from one tile to another.
+/// The part of a map that tiles cover which are counted along its rows.
 #[derive(Debug)]
-pub struct Tiles<'a> {
+pub struct MapPart<'a> {
     tiling: Tiling,
     head: [&'a mut [f32]; Tiling::ROWS], // the ends of the first tiles' rows, where another thread has their beginnings
     out: &'a mut [f32],                  // whole rows
@@ -175,7 +175,7 @@ pub enum TileRows<'a> {
     Cut([&'a mut [f32]; Tiling::ROWS]),
 }
 
-impl Tiles<'_> {
+impl MapPart<'_> {
     /// Rows of the map from that on in which the first tile begins.
     pub fn height(&self) -> usize {
         let shared = [&self.head, &self.tail].map(|rows| rows.iter().filter(|row| !row.is_empty()).count());
@@ -216,7 +216,7 @@ impl Threads {
         let bands = out.len().div_ceil(rows * row_len);
         // So many that each has a whole row of tiles at least: then two share one at most.
         let threads = self.count.min(bands);
-        let map = Tiles { tiling, head: Default::default(), out, tail: Default::default() };
+        let map = MapPart { tiling, head: Default::default(), out, tail: Default::default() };
         split_tiles(threads, 0..bands * tiling.across(), map, scratch, &work);
     }
 }
@@ -224,7 +224,7 @@ impl Threads {
 fn split_tiles(
     threads: usize,
     tiles: Range<usize>,
-    map: Tiles<'_>,
+    map: MapPart<'_>,
     scratch: &mut [f32],
     work: &(impl Fn(Share<'_>) + Sync),
 ) {
@@ -237,7 +237,7 @@ fn split_tiles(
     }
     let left = threads / 2;
     let middle = tiles.start + tiles.len() * left / threads;
-    let Tiles { tiling, head, out, tail } = map;
+    let MapPart { tiling, head, out, tail } = map;
     let bands = middle / across - tiles.start.div_ceil(across); // whole ones of the left part
     let (out_a, rest) = out.split_at_mut(bands * rows * row_len);
     let shared = if middle.is_multiple_of(across) { 0 } else { rows * row_len };
@@ -250,8 +250,8 @@ fn split_tiles(
         (*tail, *head) = (a, b);
     }
     let (scratch_a, scratch_b) = scratch.split_at_mut(scratch.len() / threads * left);
-    let a = Tiles { tiling, head, out: out_a, tail: tail_a };
-    let b = Tiles { tiling, head: head_b, out: out_b, tail };
+    let a = MapPart { tiling, head, out: out_a, tail: tail_a };
+    let b = MapPart { tiling, head: head_b, out: out_b, tail };
     rayon::join(
         || split_tiles(left, tiles.start..middle, a, scratch_a, work),
         || split_tiles(threads - left, middle..tiles.end, b, scratch_b, work),

@@ -178,16 +178,13 @@ impl Algorithm {
         const OUTPUT: u64 = 32; // of a tile, likewise
         const WEIGHT: u64 = 4; // to read or to make one
         let out = shape.out_size(size);
-        let Some(points) = self.points() else {
-            let macs = shape.macs(size);
+        if let Algorithm::Int8(_) = self {
             // Bytes are taken four at a time, a step more per row of the window, and come less close to their peak.
-            let bytes = || {
-                let steps = (shape.kernel * shape.in_channels).div_ceil(4) + 1;
-                let macs = out.area() * shape.out_channels * shape.kernel * 4 * steps;
-                macs as u64 * 16 / 15 / speed
-            };
-            return if let Algorithm::Int8(_) = self { bytes() } else { macs };
-        };
+            let steps = (shape.kernel * shape.in_channels).div_ceil(4) + 1;
+            let macs = out.area() * shape.out_channels * shape.kernel * 4 * steps;
+            return macs as u64 * 16 / 15 / speed;
+        }
+        let Some(points) = self.points() else { return shape.macs(size) };
         let shape = fold::unstrided(shape);
         let product = (shape.in_channels * shape.out_channels) as u64;
         let values = (shape.in_channels + shape.out_channels) as u64;

@@ -270,11 +270,11 @@ impl Values for Made {
 
 /// Lines of `G g` at a finite point but 0, of which these are the first and the second power.
 #[derive(Clone, Copy)]
-struct Lines {
+struct FromLines {
     powers: [f32; KERNEL - 1],
 }
 
-impl Values for Lines {
+impl Values for FromLines {
     const VECTORS: usize = KERNEL;
 
     #[inline(always)]
@@ -287,11 +287,11 @@ impl Values for Lines {
 
 /// Lines of `G g` at 0 or infinity, where one of their values counts.
 #[derive(Clone, Copy)]
-struct Taps {
+struct FromTaps {
     tap: usize,
 }
 
-impl Values for Taps {
+impl Values for FromTaps {
     const VECTORS: usize = KERNEL;
 
     #[inline(always)]
@@ -320,12 +320,16 @@ impl<const A: usize> Kernel for Row<'_, A> {
         let (vectors, step) = const { (S::LONG_TILE.0, KERNEL * S::LANES) };
         let channels = lines.len() / (vectors * step);
         for j in 0..A {
-            let lines_at = Lines { powers: [point(A, j), point(A, j) * point(A, j)] };
-            let end = [(0, 0), (A - 1, KERNEL - 1)].into_iter().find(|(end, _)| *end == j);
+            let from_lines = FromLines { powers: [point(A, j), point(A, j) * point(A, j)] };
+            let end = match j {
+                0 => Some(0),
+                _ if j == A - 1 => Some(KERNEL - 1),
+                _ => None,
+            };
             let at_once = tiles <= plan.group;
             if end.is_none() && !at_once {
                 let values = lines.chunks_exact(step).zip(u.chunks_exact_mut(S::LANES));
-                values.for_each(|(line, u)| simd.store(lines_at.value(simd, line), u));
+                values.for_each(|(line, u)| simd.store(from_lines.value(simd, line), u));
             }
             for first in (0..tiles).step_by(plan.group) {
                 let group = Group {
@@ -338,8 +342,8 @@ impl<const A: usize> Kernel for Row<'_, A> {
                     m_step: A * S::LANES,
                 };
                 match end {
-                    Some((_, tap)) => simd.call(Tile { group, weights: lines, values: Taps { tap } }),
-                    None if at_once => simd.call(Tile { group, weights: lines, values: lines_at }),
+                    Some(tap) => simd.call(Tile { group, weights: lines, values: FromTaps { tap } }),
+                    None if at_once => simd.call(Tile { group, weights: lines, values: from_lines }),
                     None => simd.call(Tile { group, weights: u, values: Made }),
                 }
             }

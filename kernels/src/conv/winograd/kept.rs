@@ -20,19 +20,17 @@
 use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix, output_values};
-use super::strips::{self, Block, Plan, Strip, Walk};
+use super::strips::{Block, Layout, Plan, Strip, Walk};
 use super::transforms::{Floats, HalfOutputs};
-use super::{LINE, Part, is_short, pack, step};
+use super::{Part, pack, step};
 use crate::simd::{Kernel, Simd};
-use crate::{Aligned, Isa, Size};
+use crate::{Aligned, Isa};
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
+    pub layout: Layout,
     short: bool,     // whether a row of points is multiplied at once
-    channels: usize, // Cout, in whole vectors
-    lanes: usize,    // of the widest block
-    group: usize,    // most tiles that are multiplied at a time
     u: Aligned<f32>, // [row of points][block][a][Cin][vectors of the block * LANES]
 }
 
@@ -40,29 +38,30 @@ impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Weights {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
-        let short = short_tiles(isa, points) > 0 && is_short(shape);
-        let widths = || widths(short, vectors);
-        let widest = widths().max().unwrap_or(0);
-        let group = if short { short_tiles(isa, points) } else { isa.tile_pixels(widest) };
-        let u = transform_kernels(isa, shape, points, widths(), weights);
-        Weights { short, channels: vectors * isa.lanes(), lanes: widest * isa.lanes(), group, u }
-    }
-
-    fn plan(&self, shape: &ConvShape, points: usize, out: Size) -> Plan {
-        let Weights { channels, lanes, group, ref u, .. } = *self;
-        let kernels = strips::Kernels { inputs: shape.in_channels, channels, lanes, group, values: u.len() };
-        Plan::new(&kernels, shape, points, out)
+        let (_, most) = isa.long_tile();
+        let short = is_short(shape) && points == SHORT_POINTS && most >= SHORT_TILES * SHORT_POINTS;
+        let mut layout = Layout::new(isa, shape.in_channels, widths(short, vectors));
+        if short {
+            layout.group = SHORT_TILES;
+        }
+        let u = transform_kernels(isa, shape, points, widths(short, vectors), weights);
+        Weights { layout, short, u }
     }
 }
 
 /// Input channels with which a row of points is multiplied at once: those of an image, folded by a stride of two. A constant number leaves
 /// the hot loop nothing to do but products.
-pub(super) const SHORT_CHANNELS: usize = 12;
+const SHORT_CHANNELS: usize = 12;
 
-/// Tiles of which a row of so many points fits into the registers; none where there are few of those.
-fn short_tiles(isa: Isa, points: usize) -> usize {
-    let (vectors, tiles) = isa.long_tile();
-    if vectors == 1 { tiles / points } else { 0 }
+/// Points of such a row,
+const SHORT_POINTS: usize = 10;
+
+/// and tiles of which it is multiplied: as many as 32 registers hold.
+const SHORT_TILES: usize = 2;
+
+/// Whether a row of points is multiplied at once where there are registers enough.
+pub(in crate::conv) fn is_short(shape: &ConvShape) -> bool {
+    shape.in_channels == SHORT_CHANNELS
 }
 
 /// Vectors of each block of output channels.
@@ -174,11 +173,6 @@ impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
     }
 }
 
-/// Scratch values per thread.
-pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> usize {
-    LINE + weights.plan(shape, points, out).scratch_len(points)
-}
-
 impl Kernel for Part<'_, Weights> {
     type Output = ();
 
@@ -200,18 +194,16 @@ impl Part<'_, Weights> {
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
         let Part { conv, weights, share } = self;
         let shape = &conv.weights.shape;
-        let inputs = shape.in_channels;
         let walk = Walk {
             conv,
             share,
-            plan: &weights.plan(shape, A, shape.out_size(conv.size)),
-            inputs,
+            layout: &weights.layout,
             widths: widths(weights.short, shape.out_channels.div_ceil(S::LANES)),
             to: Floats,
         };
         walk.run::<S, A, M>(simd, |Block { strip, row, first, vectors, v, m, half }| {
-            let u = &weights.u[(row * weights.channels + first) * A * inputs..];
-            let u = &u[..A * inputs * vectors * S::LANES];
+            let Layout { inputs, channels, .. } = weights.layout;
+            let u = &weights.u[(row * channels + first) * A * inputs..][..A * inputs * vectors * S::LANES];
             if weights.short {
                 simd.call(ShortProducts::<A, M> { strip, v, u, half });
             } else {
@@ -318,9 +310,7 @@ impl<const A: usize, const M: usize> Kernel for ShortProducts<'_, A, M> {
                 let group = ShortGroup::<A, M> { v, u, half: some };
                 match tiles {
                     1 => group.run::<S, 1>(simd),
-                    2 => group.run::<S, 2>(simd),
-                    3 => group.run::<S, 3>(simd),
-                    _ => group.run::<S, 4>(simd),
+                    _ => group.run::<S, SHORT_TILES>(simd),
                 }
             }
         }
@@ -338,11 +328,10 @@ impl<const A: usize, const M: usize> ShortGroup<'_, A, M> {
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize>(self, simd: S) {
-        let most = const { S::LONG_TILE.1 / A };
-        if S::LONG_TILE.0 > 1 || TILES > most {
+        if SHORT_TILES * A > S::LONG_TILE.1 {
             unreachable!("more than the registers hold");
         }
-        let v_step = step(most * SHORT_CHANNELS);
+        let v_step = step(SHORT_TILES * SHORT_CHANNELS);
         let v = &self.v[..(A - 1) * v_step + TILES * SHORT_CHANNELS];
         let u = &self.u[..A * SHORT_CHANNELS * S::LANES];
         let mut sums = [[simd.zero(); A]; TILES];

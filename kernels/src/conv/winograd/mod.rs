@@ -37,6 +37,7 @@ use crate::par::{Share, Threads, Tiling};
 use crate::quant::Quantization;
 use crate::simd::Line;
 use crate::{Aligned, Isa, Size};
+pub(super) use kept::is_short;
 pub use points::{MAX_KERNEL, kernel_row, pairs, share};
 pub use transforms::{Floats, Lines, Steps, To, lines_len};
 
@@ -59,11 +60,6 @@ enum Kernels {
 pub(super) fn fits(shape: &ConvShape, points: usize) -> bool {
     [(6, 3), (8, 3), (6, 5), (8, 5), (10, 5), (8, 6), (10, 6)]
         .contains(&(points, fold::unstrided(shape).kernel))
-}
-
-/// Whether a row of points is multiplied at once where there are registers enough.
-pub(super) fn is_short(shape: &ConvShape) -> bool {
-    shape.in_channels == kept::SHORT_CHANNELS
 }
 
 /// Whether there is one on 16-bit integers.
@@ -121,9 +117,9 @@ impl Weights {
     pub(super) fn scratch_len(&self, out: Size, threads: &Threads) -> usize {
         let Weights { shape, points, ref kernels } = *self;
         let each = match kernels {
-            Kernels::Kept(weights) => kept::scratch_len(weights, &shape, points, out),
+            Kernels::Kept(weights) => weights.layout.scratch_len(&shape, points, out),
             Kernels::Anew(weights) => anew::scratch_len(weights, &shape, points, out),
-            Kernels::Int16(weights) => int16::scratch_len(weights, &shape, points, out),
+            Kernels::Int16(weights) => weights.layout.scratch_len(&shape, points, out),
         };
         each * threads.count()
     }

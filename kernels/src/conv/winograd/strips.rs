@@ -2,10 +2,10 @@
 
 use super::super::ConvShape;
 use super::transforms::{InputTiles, OutputBlock, OutputTiles, Steps, Tiles, To, lines_len};
-use super::{Winograd, from_line, rows_per_tile, step};
-use crate::Size;
+use super::{LINE, Winograd, from_line, rows_per_tile, step};
 use crate::par::Share;
 use crate::simd::Simd;
+use crate::{Isa, Size};
 use bytemuck::Pod;
 use std::ops::Range;
 
@@ -29,22 +29,36 @@ pub(super) struct Plan {
     pub half_step: usize, // from one row of points of M A to the next
 }
 
-/// What the cut depends on besides the map.
-pub(super) struct Kernels {
-    pub inputs: usize,   // values of 32 bits in V, per tile and point
+/// How kept kernels lie, on which the cut depends besides the map.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    pub inputs: usize,   // values of 32 bits in V and U, per point and tile or output channel
     pub channels: usize, // Cout, in whole vectors
     pub lanes: usize,    // of the widest block
     pub group: usize,    // most tiles that are multiplied at a time
-    pub values: usize,   // of 32 bits, of U
+}
+
+impl Layout {
+    /// For blocks of such `widths`, in vectors; register tiles take as many tiles as they hold.
+    pub fn new(isa: Isa, inputs: usize, widths: impl Iterator<Item = usize> + Clone) -> Layout {
+        let widest = widths.clone().max().unwrap_or(0);
+        let channels = widths.sum::<usize>() * isa.lanes();
+        Layout { inputs, channels, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest) }
+    }
+
+    /// Scratch values per thread.
+    pub fn scratch_len(&self, shape: &ConvShape, points: usize, out: Size) -> usize {
+        LINE + Plan::new(self, shape, points, out).lens(points).iter().sum::<usize>()
+    }
 }
 
 impl Plan {
-    pub fn new(kernels: &Kernels, shape: &ConvShape, points: usize, out: Size) -> Plan {
-        let Kernels { inputs, channels, lanes, group, values } = *kernels;
+    fn new(layout: &Layout, shape: &ConvShape, points: usize, out: Size) -> Plan {
+        let Layout { inputs, channels, lanes, group } = *layout;
         let m = rows_per_tile(shape, points);
         let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
         let per_tile = points * (points * inputs + m * channels); // of V and M A
-        let most = STRIP_VALUES.max(values / STRIP_SHARE) / per_tile;
+        let most = STRIP_VALUES.max(points * points * inputs * channels / STRIP_SHARE) / per_tile;
         let strips = (across * down).div_ceil(most.max(group));
         let strip = (across * down).div_ceil(strips);
         let strip = if strips > 1 { strip.next_multiple_of(group) } else { strip };
@@ -65,11 +79,6 @@ impl Plan {
     fn lens(&self, points: usize) -> [usize; 4] {
         let groups = self.strip.div_ceil(self.group);
         [self.lines_len, groups * self.v_len, self.m_len, points * self.half_step]
-    }
-
-    /// Scratch values for a strip.
-    pub fn scratch_len(&self, points: usize) -> usize {
-        self.lens(points).iter().sum()
     }
 }
 
@@ -103,9 +112,8 @@ impl Strip<'_> {
 pub(super) struct Walk<'a, W, T> {
     pub conv: &'a Winograd<'a>,
     pub share: Share<'a>,
-    pub plan: &'a Plan,
-    pub inputs: usize, // values of 32 bits in V, per tile and point
-    pub widths: W,     // of the blocks, in vectors
+    pub layout: &'a Layout,
+    pub widths: W, // of the blocks, in vectors
     pub to: T,
 }
 
@@ -124,11 +132,13 @@ impl<W: Iterator<Item = usize> + Clone, T: To<Value: Pod>> Walk<'_, W, T> {
     /// All strips; `multiply` turns `V` into `M A`.
     #[inline(always)]
     pub fn run<S: Simd, const A: usize, const M: usize>(self, simd: S, mut multiply: impl FnMut(Block<'_>)) {
-        let Walk { conv, share, plan, inputs, widths, to } = self;
+        let Walk { conv, share, layout, widths, to } = self;
         let Share { first_row, tiles: all, mut map, scratch } = share;
         let Winograd { bias, input, size, .. } = *conv;
-        let ConvShape { in_channels: channels, relu, .. } = conv.weights.shape;
-        let width = conv.weights.shape.out_size(size).w;
+        let shape = &conv.weights.shape;
+        let ConvShape { in_channels: channels, relu, .. } = *shape;
+        let out = shape.out_size(size);
+        let plan = &Plan::new(layout, shape, A, out);
         let [lines_len, v_len, m_len, _] = plan.lens(A);
         let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
         let (v, scratch) = scratch.split_at_mut(v_len);
@@ -146,7 +156,7 @@ impl<W: Iterator<Item = usize> + Clone, T: To<Value: Pod>> Walk<'_, W, T> {
                 tiles: tiles.clone(),
                 lines: &mut *lines,
                 v: bytemuck::cast_slice_mut(v),
-                places: strip.places(inputs).map(|place| place * per_float),
+                places: strip.places(layout.inputs).map(|place| place * per_float),
                 steps: Steps { point: plan.v_step * per_float, vector: S::LANES },
                 to,
             });
@@ -177,7 +187,7 @@ impl<W: Iterator<Item = usize> + Clone, T: To<Value: Pod>> Walk<'_, W, T> {
                     channels: bias.len(),
                     first,
                 };
-                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
+                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width: out.w, block });
                 first += vectors * S::LANES;
             }
         }

@@ -3,7 +3,7 @@
 use super::points::{input_points, output_values};
 use super::step;
 use crate::Size;
-use crate::par::{self, TileRows};
+use crate::par::{MapPart, TileRows};
 use crate::simd::{Kernel, Simd};
 use std::ops::Range;
 
@@ -15,10 +15,10 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// The corner of a tile.
+    /// Which row of tiles one is in, and which column.
     #[inline(always)]
-    fn corner(&self, tile: usize, m: usize) -> (usize, usize) {
-        (tile / self.across * m, tile % self.across * m)
+    fn place(&self, tile: usize) -> (usize, usize) {
+        (tile / self.across, tile % self.across)
     }
 }
 
@@ -45,9 +45,9 @@ impl<P: Iterator<Item = usize>, T: To, const A: usize, const M: usize> Kernel fo
         let mut first = tiles.range.start;
         while first < tiles.range.end {
             let count = (tiles.across - first % tiles.across).min(tiles.range.end - first); // in this row
-            let (y, x) = tiles.corner(first, M);
+            let (band, column) = tiles.place(first);
             let mut lines = Lines { values: &mut *lines, columns: (count - 1) * M + A, channels };
-            lines.fill::<S, A>(simd, input, size, (first_row + y, x));
+            lines.fill::<S, A>(simd, input, size, (first_row + band * M, column * M));
             for (tile, place) in (0..count).zip(&mut places) {
                 lines.tile::<S, T, A>(simd, tile * M, &mut v[place..], steps, to);
             }
@@ -196,7 +196,7 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
 /// `Y = A^T M A`, bias and floor, of some tiles and one block: the outputs as far as they lie within the map.
 pub(super) struct OutputTiles<'a, 'b, const A: usize, const M: usize> {
     pub tiles: Tiles,
-    pub map: &'a mut par::Tiles<'b>, // [rows, width, channels]
+    pub map: &'a mut MapPart<'b>, // [rows, width, channels]
     pub width: usize,
     pub block: OutputBlock<'a>,
 }
@@ -220,10 +220,10 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
         let OutputTiles { tiles, map, width, block } = self;
         let height = map.height();
         for (i, tile) in tiles.range.clone().enumerate() {
-            let (y, x) = tiles.corner(tile, M);
-            let (rows, columns) = (M.min(height - y), M.min(width - x));
+            let (band, column) = tiles.place(tile);
+            let (rows, columns) = (M.min(height - band * M), M.min(width - column * M));
             // The same three times, so that the usual one has a single slice to write to, and a constant number of rows.
-            match map.tile(tile / tiles.across, tile % tiles.across) {
+            match map.tile(band, column) {
                 TileRows::Whole(values, row_len) if rows == M => {
                     block.tile::<S, A, M>(simd, i, (M, columns), |y, at, value| {
                         write(simd, value, &mut values[y * row_len + at.start..][..at.len()]);
