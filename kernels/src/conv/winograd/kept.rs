@@ -344,10 +344,11 @@ impl<const A: usize, const M: usize> ShortGroup<'_, A, M> {
                 }
             }
         }
-        for (sums, half) in sums.iter().zip(self.half.chunks_exact_mut(M * S::LANES)) {
-            let line = output_values::<S, A, M>(simd, sums);
-            for (value, half) in line.into_iter().zip(half.chunks_exact_mut(S::LANES)) {
-                simd.store(value, half);
+        let half = &mut self.half[..TILES * M * S::LANES];
+        for i in 0..TILES {
+            let line = output_values::<S, A, M>(simd, &sums[i]);
+            for j in 0..M {
+                simd.store(line[j], &mut half[(i * M + j) * S::LANES..]);
             }
         }
     }
