@@ -1,7 +1,7 @@
 //! Every rung of the ladder of instruction sets, in both precisions, follows a golden sequence to the same boxes.
 //!
 //! The boxes in `golden/rungs.txt` are those of the portable kernels in `f32`; `UPDATE_GOLDEN=1` writes them anew (after
-//! another model was built in). `RUNGS_FRAMES` and `RUNGS_PRECISION` make the run shorter, for emulators.
+//! another model was built in). `RUNGS_FRAMES`, `RUNGS_PRECISION` and `RUNGS_ISA` make the run shorter, for emulators.
 
 use std::path::Path;
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Tracker};
@@ -80,7 +80,11 @@ fn same_boxes_on_every_rung() {
     }
     let frames = std::env::var("RUNGS_FRAMES").map_or(FRAMES, |n| n.parse().unwrap()).clamp(2, FRAMES);
     let only = std::env::var("RUNGS_PRECISION").ok();
-    for isa in Isa::available() {
+    let rungs = match std::env::var("RUNGS_ISA") {
+        Ok(name) => vec![Isa::from_name(&name).unwrap()],
+        Err(_) => Isa::available(),
+    };
+    for isa in rungs {
         for precision in [Precision::F32, Precision::Int8] {
             if only.as_ref().is_some_and(|only| only != precision.name()) {
                 continue;

@@ -1,10 +1,10 @@
 //! Which instruction set a kernel runs on: detection, and the one dispatch table.
 
-#[cfg(target_arch = "aarch64")]
-use crate::simd::NeonDot;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::{Avx2, Avx2Vnni, Avx512, Avx512Vnni};
 use crate::simd::{Dot, DotKernel, Kernel, Portable, Simd};
+#[cfg(target_arch = "aarch64")]
+use crate::simd::{NeonDot, NeonMatrix};
 
 /// An instruction set that this machine has.
 ///
@@ -16,6 +16,9 @@ pub enum Isa {
     /// NEON with dot products of bytes.
     #[cfg(target_arch = "aarch64")]
     NeonDot(NeonDot),
+    /// NEON with products of matrices of bytes (i8mm).
+    #[cfg(target_arch = "aarch64")]
+    NeonMatrix(NeonMatrix),
     /// AVX2 with FMA: 8 lanes, 16 registers.
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
@@ -57,6 +60,8 @@ impl Isa {
             Some(Isa::Portable(Portable)),
             #[cfg(target_arch = "aarch64")]
             NeonDot::detect().map(Isa::NeonDot),
+            #[cfg(target_arch = "aarch64")]
+            NeonMatrix::detect().map(Isa::NeonMatrix),
             #[cfg(target_arch = "x86_64")]
             Avx2::detect().map(Isa::Avx2),
             #[cfg(target_arch = "x86_64")]
@@ -89,6 +94,8 @@ impl Isa {
             Isa::Portable(_) => "portable",
             #[cfg(target_arch = "aarch64")]
             Isa::NeonDot(_) => "neon-dotprod",
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonMatrix(_) => "neon-i8mm",
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(_) => "avx2",
             #[cfg(target_arch = "x86_64")]
@@ -106,7 +113,7 @@ impl Isa {
         match self {
             Isa::Portable(simd) => kernel.run(simd),
             #[cfg(target_arch = "aarch64")]
-            Isa::NeonDot(_) => kernel.run(Portable),
+            Isa::NeonDot(_) | Isa::NeonMatrix(_) => kernel.run(Portable),
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(simd) => simd.enter(kernel),
             #[cfg(target_arch = "x86_64")]
@@ -125,6 +132,8 @@ impl Isa {
             Isa::Portable(dot) => kernel.run(dot),
             #[cfg(target_arch = "aarch64")]
             Isa::NeonDot(dot) => dot.enter_dot(kernel),
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonMatrix(dot) => dot.enter_dot(kernel),
             #[cfg(target_arch = "x86_64")]
             Isa::Avx2(dot) => dot.enter_dot(kernel),
             #[cfg(target_arch = "x86_64")]
@@ -143,6 +152,8 @@ impl Isa {
             Isa::Avx2Vnni(_) | Isa::Avx512Vnni(_) => 4,
             #[cfg(target_arch = "aarch64")]
             Isa::NeonDot(_) => 4,
+            #[cfg(target_arch = "aarch64")]
+            Isa::NeonMatrix(_) => 8,
             _ => 1,
         }
     }
@@ -194,16 +205,16 @@ impl Isa {
         self.run(LongTile)
     }
 
-    /// What dot products of bytes take off each activation ([`Dot::OFFSET`]).
-    pub(crate) fn dot_offset(self) -> i32 {
-        struct Offset;
-        impl DotKernel for Offset {
-            type Output = i32;
-            fn run<D: Dot>(self, _: D) -> i32 {
-                D::OFFSET
+    /// What products of bytes take off each activation ([`Dot::OFFSET`]), and how many times four they take ([`Dot::QUADS`]).
+    pub(crate) fn dot_offset_and_quads(self) -> (i32, usize) {
+        struct OffsetAndQuads;
+        impl DotKernel for OffsetAndQuads {
+            type Output = (i32, usize);
+            fn run<D: Dot>(self, _: D) -> (i32, usize) {
+                (D::OFFSET, D::QUADS)
             }
         }
-        self.run_dot(Offset)
+        self.run_dot(OffsetAndQuads)
     }
 }
 

@@ -9,6 +9,7 @@
 //!
 //! The walk is that of `direct.rs` with four inputs per step: one load of four weights per lane and channel vector, one broadcast of four
 //! neighbouring inputs per pixel. A window's row of `k * Cin` bytes is taken up to the next multiple of four; the weights behind its end are zero.
+//! Where the instruction set multiplies matrices, a step is of eight inputs, and pixels go two by two.
 
 use super::ConvShape;
 use super::direct::blocks;
@@ -16,10 +17,10 @@ use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, Simd};
 use crate::{Aligned, Isa, Size};
 
-/// Bytes that must follow the input, because windows are read four bytes at a time.
-pub const SLACK: usize = 3;
+/// Bytes that must follow the input, because windows are read up to eight bytes at a time.
+pub const SLACK: usize = 7;
 
-/// Weights as the tiles read them: `[block][kernel row][quads of a row][vectors of the block * LANES]`.
+/// Weights as the tiles read them: `[block][kernel row][steps of a row][vectors of the block * LANES][quads of a step]`.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
     quads: Aligned<[i8; 4]>,
@@ -31,7 +32,7 @@ pub(super) struct Weights {
 impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32], input: Quantization) -> Weights {
-        let (lanes, offset) = (isa.lanes(), isa.dot_offset());
+        let (lanes, (offset, quads_per_step)) = (isa.lanes(), isa.dot_offset_and_quads());
         let row_len = shape.kernel * shape.in_channels;
         let vectors = shape.out_channels.div_ceil(lanes);
         let rounded: Vec<(Vec<i8>, f32)> = weights.chunks_exact(shape.window()).map(round).collect();
@@ -43,18 +44,21 @@ impl Weights {
             let mut quad = [0; 4];
             if let Some((window, _)) = rounded.get(output) {
                 let row = &window[ky * row_len..][..row_len];
-                let from = &row[4 * group..row_len.min(4 * group + 4)];
+                let from = &row[row_len.min(4 * group)..row_len.min(4 * group + 4)];
                 quad[..from.len()].copy_from_slice(from);
             }
             quad
         };
-        let mut quads = Vec::with_capacity(vectors * lanes * shape.kernel * quads_per_row(shape));
+        let steps = steps_per_row(shape, quads_per_step);
+        let mut quads = Vec::with_capacity(vectors * lanes * shape.kernel * steps * quads_per_step);
         let mut first = 0;
         for width in blocks(vectors) {
             let channels = first..first + width * lanes;
             for ky in 0..shape.kernel {
-                for group in 0..quads_per_row(shape) {
-                    quads.extend(channels.clone().map(|output| quad(output, ky, group)));
+                for step in 0..steps {
+                    let groups = step * quads_per_step..(step + 1) * quads_per_step;
+                    let quads_of = |output| groups.clone().map(move |group| quad(output, ky, group));
+                    quads.extend(channels.clone().flat_map(quads_of));
                 }
             }
             first = channels.end;
@@ -72,8 +76,8 @@ fn round(weights: &[f32]) -> (Vec<i8>, f32) {
 }
 
 /// Steps of the walk along a window's row.
-fn quads_per_row(shape: &ConvShape) -> usize {
-    (shape.kernel * shape.in_channels).div_ceil(4)
+fn steps_per_row(shape: &ConvShape, quads_per_step: usize) -> usize {
+    (shape.kernel * shape.in_channels).div_ceil(4 * quads_per_step)
 }
 
 /// Some rows of one convolution without padding.
@@ -106,7 +110,7 @@ impl To for Floats {
 
     #[inline(always)]
     fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [f32]) {
-        if out.len() >= S::LANES { simd.store(y, out) } else { simd.store_partial(y, out) }
+        simd.write(y, out);
     }
 }
 
@@ -131,14 +135,14 @@ impl<T: To> DotKernel for Int8<'_, T> {
         let Int8 { shape, weights, bias, input, size, first_row, to, out } = self;
         let (channels, lanes) = (shape.out_channels, D::Float::LANES);
         let width = (size.w - shape.kernel) / shape.stride + 1;
-        let steps = shape.kernel * quads_per_row(shape);
+        let steps = steps_per_row(shape, D::QUADS);
         let mut rest = &weights.quads[..];
         let mut first = 0;
         for vectors in blocks(channels.div_ceil(lanes)) {
-            let (block, later) = rest.split_at(steps * vectors * lanes);
+            let (block, later) = rest.split_at(shape.kernel * steps * vectors * lanes * D::QUADS);
             rest = later;
             let used = (vectors * lanes).min(channels - first);
-            let tiles = width.div_ceil(D::TILE_PIXELS[vectors]);
+            let tiles = width.div_ceil(D::TILE_GROUPS[vectors] * D::PIXELS);
             for (y, row) in out.chunks_exact_mut(width * channels).enumerate() {
                 let top = (first_row + y) * shape.stride * size.w;
                 let mut x = 0;
@@ -148,7 +152,8 @@ impl<T: To> DotKernel for Int8<'_, T> {
                         input: &input[(top + x * shape.stride) * shape.in_channels..],
                         pixel_step: shape.stride * shape.in_channels,
                         row_step: size.w * shape.in_channels,
-                        quads: quads_per_row(shape),
+                        pixels,
+                        steps,
                         rows: shape.kernel,
                         weights: block,
                         start: &weights.start[first..],
@@ -159,7 +164,8 @@ impl<T: To> DotKernel for Int8<'_, T> {
                         out: &mut row[x * channels + first..],
                         out_step: channels,
                     };
-                    super::for_tile!(pixels, vectors, tile.run, D, dot);
+                    let groups = pixels.div_ceil(D::PIXELS);
+                    super::for_tile!(groups, vectors, tile.run, D, dot);
                     x += pixels;
                 }
             }
@@ -170,12 +176,13 @@ impl<T: To> DotKernel for Int8<'_, T> {
 
 /// One register tile: neighbouring pixels x a block of channels.
 struct Tile<'a, T: To> {
-    input: &'a [u8],        // from the first pixel's window on
-    pixel_step: usize,      // from one pixel's window to the next one's
-    row_step: usize,        // from one row of the window to the next
-    quads: usize,           // steps along a window's row
+    input: &'a [u8],   // from the first pixel's window on
+    pixel_step: usize, // from one pixel's window to the next one's
+    row_step: usize,   // from one row of the window to the next
+    pixels: usize,
+    steps: usize,           // along a window's row
     rows: usize,            // rows of the window
-    weights: &'a [[i8; 4]], // [rows * quads, VECTORS * LANES]
+    weights: &'a [[i8; 4]], // [rows * steps, VECTORS * LANES * QUADS]
     start: &'a [i32],       // [VECTORS * LANES]
     scale: &'a [f32],       // [channels of the block that exist]
     bias: &'a [f32],        // likewise
@@ -185,59 +192,83 @@ struct Tile<'a, T: To> {
     out_step: usize,         // from one pixel to the next
 }
 
-impl<T: To> Tile<'_, T> {
+impl<'a, T: To> Tile<'a, T> {
+    /// A row of a pixel's window, of so many steps.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
-    fn run<D: Dot, const PIXELS: usize, const VECTORS: usize>(self, dot: D) {
-        if PIXELS > D::TILE_PIXELS[VECTORS] {
+    fn window<D: Dot>(&self, pixel: usize, row: usize, steps: usize) -> &'a [D::Step] {
+        let rest = &self.input[row * self.row_step + pixel * self.pixel_step..];
+        let whole = rest.len() / size_of::<D::Step>() * size_of::<D::Step>();
+        &bytemuck::cast_slice(&rest[..whole])[..steps]
+    }
+
+    #[inline(always)]
+    fn run<D: Dot, const GROUPS: usize, const VECTORS: usize>(self, dot: D) {
+        if GROUPS > D::TILE_GROUPS[VECTORS] {
             unreachable!("more than the registers hold");
         }
         let (simd, lanes) = (dot.float(), D::Float::LANES);
-        let mut sums = [[dot.sums(self.start); VECTORS]; PIXELS];
-        for v in 1..VECTORS {
-            let start = dot.sums(&self.start[v * lanes..]);
-            for i in 0..PIXELS {
-                sums[i][v] = start;
+        let mut start = [dot.sums(self.start); VECTORS];
+        for (v, start) in start.iter_mut().enumerate() {
+            *start = dot.sums(&self.start[v * lanes..]);
+        }
+        let sums = self.add(dot, [start; GROUPS]);
+        let floor = simd.splat(if self.relu { 0.0 } else { f32::NEG_INFINITY });
+        for (i, sums) in sums.iter().enumerate() {
+            for p in 0..D::PIXELS {
+                let pixel = i * D::PIXELS + p;
+                if p > 0 && pixel >= self.pixels {
+                    continue;
+                }
+                let out = &mut self.out[pixel * self.out_step..][..self.bias.len()];
+                for (v, sums) in sums.iter().enumerate() {
+                    let first = v * lanes;
+                    if first >= out.len() {
+                        continue;
+                    }
+                    let (scale, bias) = (&self.scale[first..], &self.bias[first..]);
+                    let sum = dot.to_f32(dot.of_pixel(*sums, p));
+                    let y = match bias.len() >= lanes {
+                        true => simd.mul_add(sum, simd.load(scale), simd.load(bias)),
+                        false => simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias)),
+                    };
+                    self.to.store(simd, simd.max(y, floor), &mut out[first..]);
+                }
             }
         }
-        for (ky, weights) in
-            self.weights.chunks_exact(self.quads * VECTORS * lanes).take(self.rows).enumerate()
-        {
-            let mut windows = [&[][..]; PIXELS];
-            for (i, window) in windows.iter_mut().enumerate() {
-                let bytes = &self.input[ky * self.row_step + i * self.pixel_step..][..4 * self.quads];
-                *window = &bytes.as_chunks::<4>().0[..self.quads];
+    }
+
+    /// The hot loop.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    fn add<D: Dot, const GROUPS: usize, const VECTORS: usize>(
+        &self,
+        dot: D,
+        mut sums: [[D::Sums; VECTORS]; GROUPS],
+    ) -> [[D::Sums; VECTORS]; GROUPS] {
+        let lanes = D::Float::LANES;
+        let (steps, vector) = (self.steps, lanes * D::QUADS);
+        for (ky, weights) in self.weights.chunks_exact(steps * VECTORS * vector).take(self.rows).enumerate() {
+            let (mut first, mut second) = ([&[][..]; GROUPS], [&[][..]; GROUPS]);
+            for i in 0..GROUPS {
+                first[i] = self.window::<D>(i * D::PIXELS, ky, steps);
+                // Where the last group has no second pixel, its first stands in for it.
+                let next = (i * D::PIXELS + 1).min(self.pixels - 1);
+                second[i] = if D::PIXELS == 1 { first[i] } else { self.window::<D>(next, ky, steps) };
             }
-            for (j, weights) in (0..self.quads).zip(weights.chunks_exact(VECTORS * lanes)) {
+            for (j, weights) in (0..steps).zip(weights.chunks_exact(VECTORS * vector)) {
                 let mut w = [dot.load(weights); VECTORS];
                 for v in 1..VECTORS {
-                    w[v] = dot.load(&weights[v * lanes..]);
+                    w[v] = dot.load(&weights[v * vector..]);
                 }
-                for i in 0..PIXELS {
-                    let x = dot.splat(windows[i][j]);
+                for i in 0..GROUPS {
+                    let x = dot.activations([first[i][j], second[i][j]]);
                     for v in 0..VECTORS {
                         sums[i][v] = dot.dot(x, w[v], sums[i][v]);
                     }
                 }
             }
         }
-        let floor = simd.splat(if self.relu { 0.0 } else { f32::NEG_INFINITY });
-        for i in 0..PIXELS {
-            let out = &mut self.out[i * self.out_step..][..self.bias.len()];
-            for v in 0..VECTORS {
-                let first = v * lanes;
-                if first >= out.len() {
-                    continue;
-                }
-                let (scale, bias) = (&self.scale[first..], &self.bias[first..]);
-                let sum = dot.to_f32(sums[i][v]);
-                let y = match bias.len() >= lanes {
-                    true => simd.mul_add(sum, simd.load(scale), simd.load(bias)),
-                    false => simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias)),
-                };
-                self.to.store(simd, simd.max(y, floor), &mut out[first..]);
-            }
-        }
+        sums
     }
 }
 

@@ -170,10 +170,12 @@ impl Avx2Vnni {
 impl Dot for Avx2Vnni {
     type Float = Avx2;
     type I32 = __m256i;
+    type Sums = __m256i;
+    type Step = [u8; 4];
     type Bytes = __m256i;
     type Pairs = __m256i;
     type Weights = __m256i;
-    const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
+    const TILE_GROUPS: [usize; 4] = [0, 8, 6, 4];
 
     #[inline(always)]
     fn float(self) -> Avx2 {
@@ -181,7 +183,7 @@ impl Dot for Avx2Vnni {
     }
 
     #[inline(always)]
-    fn splat(self, x: [u8; 4]) -> __m256i {
+    fn activations(self, [x, _]: [[u8; 4]; 2]) -> __m256i {
         // SAFETY: `self` proves AVX2.
         unsafe { _mm256_set1_epi32(i32::from_ne_bytes(x)) }
     }
@@ -200,6 +202,11 @@ impl Dot for Avx2Vnni {
     fn dot(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
         // SAFETY: `self` proves AVX-VNNI.
         unsafe { _mm256_dpbusd_avx_epi32(sum, x, w) }
+    }
+
+    #[inline(always)]
+    fn of_pixel(self, sums: __m256i, _: usize) -> __m256i {
+        sums
     }
 
     #[inline(always)]
@@ -235,10 +242,12 @@ impl Dot for Avx2Vnni {
 impl Dot for Avx2 {
     type Float = Avx2;
     type I32 = __m256i;
+    type Sums = __m256i;
+    type Step = [u8; 4];
     type Bytes = [__m256i; 2];
     type Pairs = __m256i;
     type Weights = [__m256i; 2];
-    const TILE_PIXELS: [usize; 4] = [0, 8, 4, 2];
+    const TILE_GROUPS: [usize; 4] = [0, 8, 4, 2];
 
     #[inline(always)]
     fn float(self) -> Avx2 {
@@ -246,7 +255,7 @@ impl Dot for Avx2 {
     }
 
     #[inline(always)]
-    fn splat(self, x: [u8; 4]) -> [__m256i; 2] {
+    fn activations(self, [x, _]: [[u8; 4]; 2]) -> [__m256i; 2] {
         // SAFETY: `self` proves AVX2.
         unsafe {
             let all = _mm256_set1_epi32(i32::from_ne_bytes(x));
@@ -273,6 +282,11 @@ impl Dot for Avx2 {
             let even = _mm256_add_epi32(sum, _mm256_madd_epi16(x[0], w[0]));
             _mm256_add_epi32(even, _mm256_madd_epi16(x[1], w[1]))
         }
+    }
+
+    #[inline(always)]
+    fn of_pixel(self, sums: __m256i, _: usize) -> __m256i {
+        sums
     }
 
     #[inline(always)]

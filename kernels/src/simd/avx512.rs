@@ -165,10 +165,12 @@ impl Avx512Vnni {
 impl Dot for Avx512Vnni {
     type Float = Avx512;
     type I32 = __m512i;
+    type Sums = __m512i;
+    type Step = [u8; 4];
     type Bytes = __m512i;
     type Pairs = __m512i;
     type Weights = __m512i;
-    const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
+    const TILE_GROUPS: [usize; 4] = [0, 9, 9, 7];
 
     #[inline(always)]
     fn float(self) -> Avx512 {
@@ -176,7 +178,7 @@ impl Dot for Avx512Vnni {
     }
 
     #[inline(always)]
-    fn splat(self, x: [u8; 4]) -> __m512i {
+    fn activations(self, [x, _]: [[u8; 4]; 2]) -> __m512i {
         // SAFETY: `self` proves AVX-512 F.
         unsafe { _mm512_set1_epi32(i32::from_ne_bytes(x)) }
     }
@@ -195,6 +197,11 @@ impl Dot for Avx512Vnni {
     fn dot(self, x: __m512i, w: __m512i, sum: __m512i) -> __m512i {
         // SAFETY: `self` proves AVX-512 VNNI.
         unsafe { _mm512_dpbusd_epi32(sum, x, w) }
+    }
+
+    #[inline(always)]
+    fn of_pixel(self, sums: __m512i, _: usize) -> __m512i {
+        sums
     }
 
     #[inline(always)]
@@ -230,10 +237,12 @@ impl Dot for Avx512Vnni {
 impl Dot for Avx512 {
     type Float = Avx512;
     type I32 = __m512i;
+    type Sums = __m512i;
+    type Step = [u8; 4];
     type Bytes = [__m512i; 2];
     type Pairs = __m512i;
     type Weights = [__m512i; 2];
-    const TILE_PIXELS: [usize; 4] = [0, 9, 9, 7];
+    const TILE_GROUPS: [usize; 4] = [0, 9, 9, 7];
 
     #[inline(always)]
     fn float(self) -> Avx512 {
@@ -241,7 +250,7 @@ impl Dot for Avx512 {
     }
 
     #[inline(always)]
-    fn splat(self, x: [u8; 4]) -> [__m512i; 2] {
+    fn activations(self, [x, _]: [[u8; 4]; 2]) -> [__m512i; 2] {
         // SAFETY: `self` proves AVX-512 F and BW.
         unsafe {
             let all = _mm512_set1_epi32(i32::from_ne_bytes(x));
@@ -268,6 +277,11 @@ impl Dot for Avx512 {
             let even = _mm512_add_epi32(sum, _mm512_madd_epi16(x[0], w[0]));
             _mm512_add_epi32(even, _mm512_madd_epi16(x[1], w[1]))
         }
+    }
+
+    #[inline(always)]
+    fn of_pixel(self, sums: __m512i, _: usize) -> __m512i {
+        sums
     }
 
     #[inline(always)]

@@ -7,6 +7,8 @@
 
 #![allow(unsafe_code)]
 
+use bytemuck::Pod;
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
@@ -20,7 +22,7 @@ pub use avx2::{Avx2, Avx2Vnni};
 #[cfg(target_arch = "x86_64")]
 pub use avx512::{Avx512, Avx512Vnni};
 #[cfg(target_arch = "aarch64")]
-pub use neon::NeonDot;
+pub use neon::{NeonDot, NeonMatrix};
 pub(crate) use portable::Line;
 pub use portable::Portable;
 
@@ -70,6 +72,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
     /// Writes the first `min(dst.len(), LANES)` values of `dst`.
     fn store_partial(self, v: Self::F32, dst: &mut [f32]);
+
+    /// As [`store`](Self::store) where there is room for a whole vector, else as [`store_partial`](Self::store_partial).
+    #[inline(always)]
+    fn write(self, v: Self::F32, dst: &mut [f32]) {
+        if dst.len() >= Self::LANES { self.store(v, dst) } else { self.store_partial(v, dst) }
+    }
 
     /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in 0..=255; NaN
     /// becomes 0. Panics if it is shorter.
@@ -123,42 +131,57 @@ pub trait Dot: Copy + Send + Sync + 'static {
     /// One vector of sums.
     type I32: Copy;
 
-    /// Four activations, the same in every lane.
+    /// Sums of [`PIXELS`](Self::PIXELS) pixels, a vector of each.
+    type Sums: Copy;
+
+    /// What one product takes of one pixel: so many activations.
+    type Step: Pod;
+
+    /// Steps of all the pixels that one product takes.
     type Bytes: Copy;
 
-    /// Four weights per lane.
+    /// As many weights per lane.
     type Weights: Copy;
 
     /// Two `i16` per lane.
     type Pairs: Copy;
 
-    /// As [`Simd::TILE_PIXELS`].
-    const TILE_PIXELS: [usize; 4];
+    /// How many pixels one product of bytes takes: two where the instruction set multiplies matrices.
+    const PIXELS: usize = 1;
 
-    /// What [`splat`](Self::splat) takes off each activation, so that it fits a signed byte; whoever sums adds it back,
+    /// Four activations, or weights of each lane, times how many make a [`Step`](Self::Step).
+    const QUADS: usize = size_of::<Self::Step>() / 4;
+
+    /// As [`Simd::TILE_PIXELS`], in groups of [`PIXELS`](Self::PIXELS).
+    const TILE_GROUPS: [usize; 4];
+
+    /// What [`activations`](Self::activations) takes off each of them, so that it fits a signed byte; whoever sums adds it back,
     /// times the weights.
     const OFFSET: i32 = 0;
 
     /// The proof for the `f32` side.
     fn float(self) -> Self::Float;
 
-    /// Four activations for every lane.
-    fn splat(self, x: [u8; 4]) -> Self::Bytes;
+    /// Activations of two pixels; where a product takes one, of the first of them.
+    fn activations(self, pixels: [Self::Step; 2]) -> Self::Bytes;
 
-    /// The weights of the first `LANES` lanes. Panics if there are fewer.
+    /// The weights of the first `LANES` lanes, [`QUADS`](Self::QUADS) times four of each. Panics if there are fewer.
     fn load(self, weights: &[[i8; 4]]) -> Self::Weights;
 
-    /// The first `LANES` sums. Panics if there are fewer.
-    fn sums(self, from: &[i32]) -> Self::I32;
+    /// The first `LANES` sums, the same for each pixel. Panics if there are fewer.
+    fn sums(self, from: &[i32]) -> Self::Sums;
 
-    /// All sums 0.
+    /// All sums 0, of one pixel.
     #[inline(always)]
     fn zero(self) -> Self::I32 {
-        self.sums(&[0; 64])
+        self.of_pixel(self.sums(&[0; 64]), 0)
     }
 
-    /// `sum + x[0] w[0] + x[1] w[1] + x[2] w[2] + x[3] w[3]`, in every lane, each `x` less [`OFFSET`](Self::OFFSET).
-    fn dot(self, x: Self::Bytes, w: Self::Weights, sum: Self::I32) -> Self::I32;
+    /// `sum + x[0] w[0] + x[1] w[1] + ...`, in every lane, for every pixel, each `x` less [`OFFSET`](Self::OFFSET).
+    fn dot(self, x: Self::Bytes, w: Self::Weights, sums: Self::Sums) -> Self::Sums;
+
+    /// The sums of one of the [`PIXELS`](Self::PIXELS) pixels.
+    fn of_pixel(self, sums: Self::Sums, pixel: usize) -> Self::I32;
 
     /// The same pair in every lane.
     fn splat_pair(self, x: [i16; 2]) -> Self::Pairs;
@@ -261,20 +284,29 @@ mod tests {
             let n = D::Float::LANES;
             let byte = |i: usize| [0u8, 255, 128, 1, 77, 254, 13, 200][i % 8];
             let weight = |i: usize| [-128i8, 127, -127, 1, -1, 0, 55, -90][i % 8];
-            let weights: Vec<[i8; 4]> =
-                (0..n).map(|l| [weight(l), weight(3 * l + 1), weight(5 * l + 2), weight(l / 2)]).collect();
+            let weights: Vec<[i8; 4]> = (0..n * D::QUADS)
+                .map(|l| [weight(l), weight(3 * l + 1), weight(5 * l + 2), weight(l / 2)])
+                .collect();
             let start: Vec<i32> = (0..n as i32).map(|l| 1000 * l - 5000).collect();
             for first in 0..8 {
-                let x = [byte(first), byte(first + 1), byte(first + 2), byte(first + 5)];
-                let (bytes, lanes) = (dot.splat(x), dot.load(&weights));
-                let sum = dot.dot(bytes, lanes, dot.dot(bytes, lanes, dot.sums(&start)));
-                let mut found = vec![f32::NAN; n];
-                dot.float().store(dot.to_f32(sum), &mut found);
-                let term = |w: &[i8; 4], i: usize| (i32::from(x[i]) - D::OFFSET) * i32::from(w[i]);
-                let product = |w: &[i8; 4]| -> i32 { (0..4).map(|i| term(w, i)).sum() };
-                let expected: Vec<f32> =
-                    weights.iter().zip(&start).map(|(w, s)| (s + 2 * product(w)) as f32).collect();
-                assert_eq!(found, expected);
+                let quad = |i: usize| [byte(i), byte(i + 1), byte(i + 2), byte(i + 5)];
+                let pixels: [Vec<[u8; 4]>; 2] =
+                    [0, 3].map(|pixel| (0..D::QUADS).map(|q| quad(first + pixel + 2 * q)).collect());
+                let step = |pixel: &Vec<[u8; 4]>| *bytemuck::from_bytes(pixel.as_flattened());
+                let x = dot.activations([step(&pixels[0]), step(&pixels[1])]);
+                let w = dot.load(&weights);
+                let sums = dot.dot(x, w, dot.dot(x, w, dot.sums(&start)));
+                for (p, pixel) in pixels.iter().enumerate().take(D::PIXELS) {
+                    let mut found = vec![f32::NAN; n];
+                    dot.float().store(dot.to_f32(dot.of_pixel(sums, p)), &mut found);
+                    let product = |w: &[[i8; 4]]| -> i32 {
+                        let terms = pixel.as_flattened().iter().zip(w.as_flattened());
+                        terms.map(|(x, w)| (i32::from(*x) - D::OFFSET) * i32::from(*w)).sum()
+                    };
+                    let lanes = weights.chunks(D::QUADS).zip(&start);
+                    let expected: Vec<f32> = lanes.map(|(w, s)| (s + 2 * product(w)) as f32).collect();
+                    assert_eq!(found, expected, "pixel {p}");
+                }
             }
             let int16 = |i: usize| [32767i16, -32768, 1, -1, 12345, -777, 0, 16383][i % 8];
             let pairs: Vec<[i16; 2]> = (0..n).map(|l| [int16(3 * l), int16(l + 5)]).collect();
@@ -282,7 +314,7 @@ mod tests {
                 let x = [int16(first).clamp(-MOST_INT16, MOST_INT16), int16(first + 3) / 4];
                 let lanes = dot.load_pairs(&pairs);
                 let mut found = vec![f32::NAN; n];
-                let sum = dot.dot_pairs(dot.splat_pair(x), lanes, dot.sums(&start));
+                let sum = dot.dot_pairs(dot.splat_pair(x), lanes, dot.of_pixel(dot.sums(&start), 0));
                 dot.float().store(dot.to_f32(sum), &mut found);
                 let product = |w: &[i16; 2]| (0..2).map(|i| i32::from(x[i]) * i32::from(w[i])).sum::<i32>();
                 let expected: Vec<f32> =

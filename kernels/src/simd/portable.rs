@@ -90,10 +90,12 @@ impl Simd for Portable {
 impl Dot for Portable {
     type Float = Portable;
     type I32 = i32x4;
+    type Sums = i32x4;
+    type Step = [u8; 4];
     type Bytes = [i16x8; 2];
     type Pairs = i16x8;
     type Weights = [i16x8; 2];
-    const TILE_PIXELS: [usize; 4] = [0, 8, 4, 2];
+    const TILE_GROUPS: [usize; 4] = [0, 8, 4, 2];
 
     #[inline(always)]
     fn float(self) -> Portable {
@@ -101,7 +103,7 @@ impl Dot for Portable {
     }
 
     #[inline(always)]
-    fn splat(self, x: [u8; 4]) -> [i16x8; 2] {
+    fn activations(self, [x, _]: [[u8; 4]; 2]) -> [i16x8; 2] {
         let all: u16x8 = bytemuck::cast(i32x4::splat(i32::from_ne_bytes(x)));
         [bytemuck::cast((all << 8) >> 8), bytemuck::cast(all >> 8)]
     }
@@ -122,6 +124,11 @@ impl Dot for Portable {
     #[inline(always)]
     fn dot(self, x: [i16x8; 2], w: [i16x8; 2], sum: i32x4) -> i32x4 {
         sum + x[0].dot(w[0]) + x[1].dot(w[1])
+    }
+
+    #[inline(always)]
+    fn of_pixel(self, sums: i32x4, _: usize) -> i32x4 {
+        sums
     }
 
     #[inline(always)]

@@ -22,7 +22,7 @@
 
 use super::super::ConvShape;
 use super::points::point;
-use super::transforms::{Floats, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, lines_len};
+use super::transforms::{AsIs, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, lines_len};
 use super::{LINE, Part, Winograd, from_line, pack, rows_per_tile, step};
 use crate::par::Share;
 use crate::simd::{Kernel, Simd};
@@ -144,7 +144,7 @@ impl Part<'_, Weights> {
                 places: (0..tiles.range.len())
                     .map(|tile| tile / plan.group * plan.v_len + tile % plan.group * S::LANES),
                 steps: Steps { point: plan.v_step, vector: plan.group * S::LANES },
-                to: Floats,
+                to: AsIs,
             });
             let products = Products::<A, M> {
                 plan,

@@ -20,7 +20,7 @@ use super::Part;
 use super::kept::transform_kernels;
 use super::points::input_matrix;
 use super::strips::{Block, Layout, Plan, Strip, Walk};
-use super::transforms::{HalfOutputs, To};
+use super::transforms::{HalfOutputs, Stored};
 use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, MOST_INT16, Simd};
 use crate::{Aligned, Isa};
@@ -120,7 +120,7 @@ struct Rounded<'a> {
     factors: &'a [f32],
 }
 
-impl To for Rounded<'_> {
+impl Stored for Rounded<'_> {
     type Value = i16;
 
     #[inline(always)]

@@ -21,7 +21,7 @@ use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
 use super::points::{MAX_KERNEL, kernel_matrix, output_values};
 use super::strips::{Block, Layout, Plan, Strip, Walk};
-use super::transforms::{Floats, HalfOutputs};
+use super::transforms::{AsIs, HalfOutputs};
 use super::{Part, pack, step};
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa};
@@ -199,7 +199,7 @@ impl Part<'_, Weights> {
             share,
             layout: &weights.layout,
             widths: widths(weights.short, shape.out_channels.div_ceil(S::LANES)),
-            to: Floats,
+            to: AsIs,
         };
         walk.run::<S, A, M>(simd, |Block { strip, row, first, vectors, v, m, half }| {
             let Layout { inputs, channels, .. } = weights.layout;

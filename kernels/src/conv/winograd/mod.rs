@@ -39,7 +39,7 @@ use crate::simd::Line;
 use crate::{Aligned, Isa, Size};
 pub(super) use kept::is_short;
 pub use points::{MAX_KERNEL, kernel_row, pairs, share};
-pub use transforms::{Floats, Lines, Steps, To, lines_len};
+pub use transforms::{AsIs, Lines, Steps, Stored, lines_len};
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! The walk over a map by strips of tiles, for both ways in which `U` is kept, and the scratch space for a strip.
 
 use super::super::ConvShape;
-use super::transforms::{InputTiles, OutputBlock, OutputTiles, Steps, Tiles, To, lines_len};
+use super::transforms::{InputTiles, OutputBlock, OutputTiles, Steps, Stored, Tiles, lines_len};
 use super::{LINE, Winograd, from_line, rows_per_tile, step};
 use crate::par::Share;
 use crate::simd::Simd;
@@ -128,7 +128,7 @@ pub(super) struct Block<'a> {
     pub half: &'a mut [f32], // [tiles * vectors][M][LANES]: what is to become the row of M A
 }
 
-impl<W: Iterator<Item = usize> + Clone, T: To<Value: Pod>> Walk<'_, W, T> {
+impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
     /// All strips; `multiply` turns `V` into `M A`.
     #[inline(always)]
     pub fn run<S: Simd, const A: usize, const M: usize>(self, simd: S, mut multiply: impl FnMut(Block<'_>)) {

@@ -23,7 +23,7 @@ impl Tiles {
 }
 
 /// `V = B^T d B` of some tiles.
-pub(super) struct InputTiles<'a, P, T: To, const A: usize, const M: usize> {
+pub(super) struct InputTiles<'a, P, T: Stored, const A: usize, const M: usize> {
     pub input: &'a [f32], // [size.h, size.w, channels]
     pub size: Size,
     pub channels: usize,
@@ -36,7 +36,9 @@ pub(super) struct InputTiles<'a, P, T: To, const A: usize, const M: usize> {
     pub to: T,
 }
 
-impl<P: Iterator<Item = usize>, T: To, const A: usize, const M: usize> Kernel for InputTiles<'_, P, T, A, M> {
+impl<P: Iterator<Item = usize>, T: Stored, const A: usize, const M: usize> Kernel
+    for InputTiles<'_, P, T, A, M>
+{
     type Output = ();
 
     #[inline(always)]
@@ -57,7 +59,7 @@ impl<P: Iterator<Item = usize>, T: To, const A: usize, const M: usize> Kernel fo
 }
 
 /// What `V` is held in.
-pub trait To: Copy {
+pub trait Stored: Copy {
     /// One value of it.
     type Value;
 
@@ -67,9 +69,9 @@ pub trait To: Copy {
 
 /// `V` in `f32`, as it is.
 #[derive(Clone, Copy, Debug)]
-pub struct Floats;
+pub struct AsIs;
 
-impl To for Floats {
+impl Stored for AsIs {
     type Value = f32;
 
     #[inline(always)]
@@ -138,7 +140,7 @@ impl Lines<'_> {
     /// tile there must be room for it.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // as above
-    pub fn tile<S: Simd, T: To, const A: usize>(
+    pub fn tile<S: Simd, T: Stored, const A: usize>(
         &self,
         simd: S,
         column: usize,
@@ -226,17 +228,17 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
             match map.tile(band, column) {
                 TileRows::Whole(values, row_len) if rows == M => {
                     block.tile::<S, A, M>(simd, i, (M, columns), |y, at, value| {
-                        write(simd, value, &mut values[y * row_len + at.start..][..at.len()]);
+                        simd.write(value, &mut values[y * row_len + at.start..][..at.len()]);
                     });
                 }
                 TileRows::Whole(values, row_len) => {
                     block.tile::<S, A, M>(simd, i, (rows, columns), |y, at, value| {
-                        write(simd, value, &mut values[y * row_len + at.start..][..at.len()]);
+                        simd.write(value, &mut values[y * row_len + at.start..][..at.len()]);
                     });
                 }
                 TileRows::Cut(mut cut) => {
                     block.tile::<S, A, M>(simd, i, (rows, columns), |y, at, value| {
-                        write(simd, value, &mut cut[y][at]);
+                        simd.write(value, &mut cut[y][at]);
                     });
                 }
             }
@@ -270,10 +272,4 @@ impl OutputBlock<'_> {
             }
         }
     }
-}
-
-/// Writes a vector, or as much of it as there is room for.
-#[inline(always)]
-fn write<S: Simd>(simd: S, value: S::F32, to: &mut [f32]) {
-    if to.len() >= S::LANES { simd.store(value, to) } else { simd.store_partial(value, to) }
 }

@@ -17,7 +17,7 @@ use crate::ops::map::Placement;
 use crate::{Compute, Tensor};
 use kernels::Size;
 use kernels::conv::ConvShape;
-use kernels::conv::winograd::{Floats, Lines, MAX_KERNEL, Steps, kernel_row, lines_len, pairs, share};
+use kernels::conv::winograd::{AsIs, Lines, MAX_KERNEL, Steps, kernel_row, lines_len, pairs, share};
 use kernels::simd::{Kernel, Simd};
 
 /// Tiles of a strip: enough to make up for reading and writing all of `U'` once per strip.
@@ -217,7 +217,7 @@ impl AddImage<'_, '_> {
                 }
                 let v = &mut strip.inputs[strip.filled * cin..];
                 let steps = Steps { point: Strip::input_step(strip.shape), vector: S::LANES };
-                lines.tile::<S, _, A>(simd, x, v, steps, Floats);
+                lines.tile::<S, _, A>(simd, x, v, steps, AsIs);
                 gradient_tile::<S, A, M>(simd, gradient, out_size, (y, x), strip);
                 strip.filled += 1;
             }
