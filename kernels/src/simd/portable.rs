@@ -13,8 +13,9 @@ pub struct Portable;
 impl Simd for Portable {
     type F32 = f32x4;
     const LANES: usize = 4;
-    const TILE_PIXELS: [usize; 4] = [0, 8, 6, 4];
-    const LONG_TILE: (usize, usize) = (2, 6);
+    // 32 registers, or 16.
+    const TILE_PIXELS: [usize; 4] = if cfg!(target_arch = "aarch64") { [0, 9, 9, 8] } else { [0, 8, 6, 4] };
+    const LONG_TILE: (usize, usize) = if cfg!(target_arch = "aarch64") { (2, 12) } else { (2, 6) };
 
     #[inline(never)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
