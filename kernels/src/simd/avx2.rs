@@ -2,6 +2,11 @@
 
 use super::{Dot, DotKernel, Kernel, MOST_INT16, Simd};
 use std::arch::x86_64::*;
+#[cfg(not(feature = "evex"))]
+use std::arch::x86_64::{_mm256_dpbusd_avx_epi32 as dpbusd, _mm256_dpwssd_avx_epi32 as dpwssd};
+
+#[cfg(feature = "evex")]
+use evex::{dpbusd, dpwssd};
 
 /// Proof that this machine has AVX2 and FMA.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,7 +150,11 @@ pub struct Avx2Vnni(Avx2);
 impl Avx2Vnni {
     /// The proof, if the machine has the instructions.
     pub fn detect() -> Option<Avx2Vnni> {
-        if is_x86_feature_detected!("avxvnni") { Avx2::detect().map(Avx2Vnni) } else { None }
+        let found = match cfg!(feature = "evex") {
+            false => is_x86_feature_detected!("avxvnni"),
+            true => is_x86_feature_detected!("avx512vnni") && is_x86_feature_detected!("avx512vl"),
+        };
+        if found { Avx2::detect().map(Avx2Vnni) } else { None }
     }
 
     /// The proof of the smaller set.
@@ -158,7 +167,8 @@ impl Avx2Vnni {
     #[inline]
     pub(crate) fn enter_dot<K: DotKernel>(self, kernel: K) -> K::Output {
         #[inline(never)]
-        #[target_feature(enable = "avx2,fma,avxvnni")]
+        #[cfg_attr(not(feature = "evex"), target_feature(enable = "avx2,fma,avxvnni"))]
+        #[cfg_attr(feature = "evex", target_feature(enable = "avx2,fma"))]
         fn inner<K: DotKernel>(dot: Avx2Vnni, kernel: K) -> K::Output {
             kernel.run(dot)
         }
@@ -201,7 +211,7 @@ impl Dot for Avx2Vnni {
     #[inline(always)]
     fn dot(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
         // SAFETY: `self` proves AVX-VNNI.
-        unsafe { _mm256_dpbusd_avx_epi32(sum, x, w) }
+        unsafe { dpbusd(sum, x, w) }
     }
 
     #[inline(always)]
@@ -223,7 +233,7 @@ impl Dot for Avx2Vnni {
     #[inline(always)]
     fn dot_pairs(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
         // SAFETY: `self` proves AVX-VNNI.
-        unsafe { _mm256_dpwssd_avx_epi32(sum, x, w) }
+        unsafe { dpwssd(sum, x, w) }
     }
 
     #[inline(always)]
@@ -350,5 +360,52 @@ impl Avx2 {
         assert!(from.len() >= 8);
         // SAFETY: eight values are there, the load is unaligned, `self` proves AVX2.
         unsafe { _mm256_loadu_si256(from.as_ptr().cast()) }
+    }
+}
+
+/// AVX-VNNI's instructions as AVX-512 VNNI encodes them, with no more than AVX2's registers.
+#[cfg(feature = "evex")]
+mod evex {
+    use std::arch::asm;
+    use std::arch::x86_64::__m256i;
+
+    /// As `_mm256_dpbusd_avx_epi32`.
+    ///
+    /// # Safety
+    /// The machine has AVX-512 VNNI and VL.
+    #[inline]
+    #[target_feature(enable = "avx")]
+    pub unsafe fn dpbusd(mut sum: __m256i, x: __m256i, w: __m256i) -> __m256i {
+        // SAFETY: the caller vouches for the instruction; registers only.
+        unsafe {
+            asm!(
+                "{{evex}} vpdpbusd {sum}, {x}, {w}",
+                sum = inout(ymm_reg) sum,
+                x = in(ymm_reg) x,
+                w = in(ymm_reg) w,
+                options(pure, nomem, nostack, preserves_flags)
+            );
+        }
+        sum
+    }
+
+    /// As `_mm256_dpwssd_avx_epi32`.
+    ///
+    /// # Safety
+    /// The machine has AVX-512 VNNI and VL.
+    #[inline]
+    #[target_feature(enable = "avx")]
+    pub unsafe fn dpwssd(mut sum: __m256i, x: __m256i, w: __m256i) -> __m256i {
+        // SAFETY: the caller vouches for the instruction; registers only.
+        unsafe {
+            asm!(
+                "{{evex}} vpdpwssd {sum}, {x}, {w}",
+                sum = inout(ymm_reg) sum,
+                x = in(ymm_reg) x,
+                w = in(ymm_reg) w,
+                options(pure, nomem, nostack, preserves_flags)
+            );
+        }
+        sum
     }
 }
