@@ -84,9 +84,10 @@ pub struct LayerPlan {
 }
 
 /// The models that travel in the program. The first is the standard one.
-static BUILTIN: [(&str, &[u8]); 2] = [
+static BUILTIN: [(&str, &[u8]); 3] = [
     ("drmim-p50", include_bytes!("builtin/drmim-p50.safetensors")),
     ("drmim-p75", include_bytes!("builtin/drmim-p75.safetensors")),
+    ("drmim-p82", include_bytes!("builtin/drmim-p82.safetensors")),
 ];
 
 impl Model {

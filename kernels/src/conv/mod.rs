@@ -179,8 +179,8 @@ impl Algorithm {
         const WEIGHT: u64 = 4; // to read or to make one
         let out = shape.out_size(size);
         if let Algorithm::Int8(_) = self {
-            // Bytes are taken four at a time, a step more per row of the window, and come less close to their peak.
-            let steps = (shape.kernel * shape.in_channels).div_ceil(4) + 1;
+            // Bytes are taken four at a time, and come less close to their peak.
+            let steps = (shape.kernel * shape.in_channels).div_ceil(4);
             let macs = out.area() * shape.out_channels * shape.kernel * 4 * steps;
             return macs as u64 * 16 / 15 / speed;
         }
@@ -194,7 +194,8 @@ impl Algorithm {
         // Where a row of points is multiplied at once, half of all else is done in registers.
         let share = if winograd::is_short(&shape) { 2 } else { 1 };
         let transforms = (points * POINT + outputs * OUTPUT) * values / share;
-        tiles * (points * product / speed + transforms) + points * WEIGHT * product / speed
+        // Integers of 16 bits are half as much to move, too.
+        (tiles * (points * product + transforms) + points * WEIGHT * product) / speed
     }
 
     /// The algorithm in `f32` called `name`, as [`name`](Self::name) gives it.
@@ -614,19 +615,20 @@ mod tests {
 
     #[test]
     fn integers_where_they_are_faster() {
-        use Algorithm::{Int8, Winograd8, Winograd8Int16};
+        use Algorithm::{Int8, Winograd8, Winograd8Int16, Winograd10};
         let input = Quantization { scale: 1.0, zero_point: 0 };
         for isa in Isa::available() {
-            let plan = |in_channels, out_channels, side| {
-                let shape = ConvShape { in_channels, out_channels, kernel: 3, stride: 1, pad: 0, relu: true };
+            let plan = |kernel, stride, in_channels, out_channels, side| {
+                let shape = ConvShape { in_channels, out_channels, kernel, stride, pad: 0, relu: true };
                 Algorithm::plan_integers(isa, &shape, Size::square(side), input)
             };
-            let (large, small) = (plan(192, 192, 32), plan(64, 64, 19));
+            let inner = [plan(3, 1, 192, 192, 32), plan(3, 1, 64, 64, 19)];
+            let first = plan(11, 2, 3, 16, 303); // so few channels that transforms cost more than products
             match (isa.int8_speed(), isa.int16_speed()) {
-                (4, 2) => assert_eq!((large, small), (Winograd8Int16(input), Int8(input)), "{isa}"),
-                (1, 2) => assert_eq!((large, small), (Winograd8Int16(input), Winograd8Int16(input)), "{isa}"),
-                (4 | 8, 1) => assert_eq!((large, small), (Int8(input), Int8(input)), "{isa}"),
-                _ => assert_eq!((large, small), (Winograd8, Winograd8), "{isa}"),
+                (4, 2) => assert_eq!((inner, first), ([Winograd8Int16(input); 2], Int8(input)), "{isa}"),
+                (1, 2) => assert_eq!((inner, first), ([Winograd8Int16(input); 2], Winograd10), "{isa}"),
+                (4 | 8, 1) => assert_eq!((inner, first), ([Int8(input); 2], Int8(input)), "{isa}"),
+                _ => assert_eq!((inner, first), ([Winograd8; 2], Winograd10), "{isa}"),
             }
         }
     }
