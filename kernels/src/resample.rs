@@ -8,6 +8,7 @@
 use crate::par::Threads;
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Size};
+use wide::f32x4;
 
 /// An image as it lies in memory.
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +61,7 @@ impl Tap {
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     columns: Vec<Tap>,
-    blended: Vec<f32>, // one source row per thread
+    blended: Vec<f32>, // one source row and one sampled row per thread
 }
 
 /// Samples `image` on `grid` into `out` (`[side, side, 3]`).
@@ -77,12 +78,12 @@ pub fn resample(
 ) {
     let Size { h, w } = image.size;
     assert_eq!(out.len(), grid.side * grid.side * 3, "output of resample");
-    assert!(image.offsets.iter().all(|o| *o < image.bytes_per_pixel), "channels of a pixel");
+    assert!(image.offsets.iter().all(|o| *o < image.bytes_per_pixel.min(4)), "channels of a pixel");
     assert!(h > 0 && w > 0 && image.data.len() >= (h - 1) * image.stride + w * image.bytes_per_pixel);
     let Scratch { columns, blended } = scratch;
     columns.clear();
     columns.extend((0..grid.side).map(|i| Tap::new(grid.x0 + grid.step * i as f64)));
-    let row_len = w * image.bytes_per_pixel;
+    let row_len = w * image.bytes_per_pixel + SLACK + 4 * grid.side;
     blended.resize(blended.len().max(row_len * threads.count()), 0.0);
     let columns = &columns[..];
     let inner = inner_columns(columns, w);
@@ -90,6 +91,12 @@ pub fn resample(
         isa.run(Rows { image, border, grid, columns, inner: inner.clone(), first_row, blended, out });
     });
 }
+
+/// Values behind a blended row: of a pixel four are read, whatever it has.
+const SLACK: usize = 3;
+
+/// Output rows between asking for source rows and reading them: frames come from memory.
+const AHEAD: usize = 2;
 
 /// Some rows of one crop.
 struct Rows<'a> {
@@ -107,12 +114,27 @@ impl Kernel for Rows<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, _: S) {
+    fn run<S: Simd>(self, simd: S) {
         let Rows { image, border, grid, columns, inner, first_row, blended, out } = self;
         let Size { h, w } = image.size;
+        let row = |y: usize| &image.data[y * image.stride..][..w * image.bytes_per_pixel];
+        let read = match &columns[inner.clone()] {
+            [first, .., last] => first.first as usize..last.first as usize + 2,
+            _ => 0..0,
+        };
+        let read = read.start * image.bytes_per_pixel..read.end * image.bytes_per_pixel;
+        let mut asked = 0; // rows above it
         for (j, out) in out.chunks_exact_mut(grid.side * 3).enumerate() {
-            let tap = Tap::new(grid.y0 + grid.step * (first_row + j) as f64);
-            let row = |y: usize| &image.data[y * image.stride..][..w * image.bytes_per_pixel];
+            let tap = |j: usize| Tap::new(grid.y0 + grid.step * (first_row + j) as f64);
+            let [top, bottom] = tap(j + AHEAD).indices(h).map(|y| y.filter(|y| *y >= asked));
+            for y in [top, bottom].into_iter().flatten() {
+                let bytes = &row(y)[read.clone()];
+                (0..bytes.len())
+                    .step_by(size_of::<crate::simd::Line>())
+                    .for_each(|at| simd.prefetch(bytes, at));
+                asked = y + 1;
+            }
+            let tap = tap(j);
             let rows = tap.indices(h).map(|y| y.map(row));
             let line = Line { image, border, rows, share: tap.share };
             let (left, rest) = out.split_at_mut(inner.start * 3);
@@ -152,15 +174,20 @@ impl Line<'_> {
         let ([first, ..], [.., last]) = (columns, columns) else { return };
         let origin = first.first as usize;
         let span = origin * bpp..(last.first as usize + 2) * bpp;
-        let blended = &mut blended[..span.len()];
+        let (sampled, blended) = blended.split_at_mut(4 * columns.len());
+        let blended = &mut blended[..span.len() + SLACK];
         for ((value, top), bottom) in blended.iter_mut().zip(&top[span.clone()]).zip(&bottom[span]) {
             *value = blend(f32::from(*top), f32::from(*bottom), self.share);
         }
-        for (tap, out) in columns.iter().zip(out.chunks_exact_mut(3)) {
-            let taps = &blended[(tap.first as usize - origin) * bpp..][..2 * bpp];
-            for (value, o) in out.iter_mut().zip([o0, o1, o2]) {
-                *value = round(blend(taps[o], taps[o + bpp], tap.share));
-            }
+        for (tap, sampled) in columns.iter().zip(sampled.as_chunks_mut::<4>().0) {
+            let pixels = &blended[(tap.first as usize - origin) * bpp..][..bpp + 4];
+            let left = f32x4::new([pixels[0], pixels[1], pixels[2], pixels[3]]);
+            let right = f32x4::new([pixels[bpp], pixels[bpp + 1], pixels[bpp + 2], pixels[bpp + 3]]);
+            *sampled = (left + (right - left) * tap.share + ROUND).to_array();
+        }
+        let rounded = bytemuck::cast_slice::<f32, u8>(sampled).as_chunks::<16>().0;
+        for (bytes, out) in rounded.iter().zip(out.as_chunks_mut::<3>().0) {
+            *out = [bytes[low(o0)], bytes[low(o1)], bytes[low(o2)]];
         }
     }
 
@@ -191,9 +218,17 @@ fn blend(a: f32, b: f32, share: f32) -> f32 {
 /// The nearest byte, ties to even, of a value in 0..=255.
 #[inline(always)]
 fn round(value: f32) -> u8 {
-    // Adding 2^23 leaves the rounded value in the low bits of the float.
-    (value + 8_388_608.0).to_bits() as u8
+    (value + ROUND).to_bits() as u8
 }
+
+/// Where the lowest byte of the value `i` lies.
+#[inline(always)]
+fn low(i: usize) -> usize {
+    4 * i + if cfg!(target_endian = "big") { 3 } else { 0 }
+}
+
+/// 2^23: adding it leaves the rounded value in the low bits of the float.
+const ROUND: f32 = 8_388_608.0;
 
 #[cfg(test)]
 mod tests {

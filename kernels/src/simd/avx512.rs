@@ -121,7 +121,7 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn prefetch(self, src: &[f32], ahead: usize) {
+    fn prefetch<T>(self, src: &[T], ahead: usize) {
         // SAFETY: a prefetch has no effect that a program could see, whatever the address; every x86-64 has it.
         unsafe { _mm_prefetch::<_MM_HINT_T1>(src.as_ptr().wrapping_add(ahead).cast()) }
     }

@@ -102,7 +102,7 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Asks for the cache line of the value that is `ahead` values behind the first of `src`, to have it in the second cache soon. Nothing
     /// comes of it where there is no such instruction, or no such value.
     #[inline(always)]
-    fn prefetch(self, _src: &[f32], _ahead: usize) {}
+    fn prefetch<T>(self, _src: &[T], _ahead: usize) {}
 
     /// All lanes 0.
     #[inline(always)]
