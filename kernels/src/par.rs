@@ -23,12 +23,21 @@ impl Threads {
     /// `count` threads, held between 1 and [`MAX`](Self::MAX). Where the system refuses to start them, the caller's
     /// own thread does all the work.
     pub fn new(count: usize) -> Threads {
-        Threads::pinned(count, Cores::ANY)
+        Threads::start(count, Cores::ANY)
     }
 
     /// As [`new`](Self::new), each thread held on one of the cores, in turn. A thread whose core the system refuses runs
     /// anywhere.
+    ///
+    /// Without a choice ([`Cores::ANY`]) as many threads as there are cores are held on one each: after a pause, such as the one before
+    /// the next frame of a camera, the system may wake two of them on one core, and leave them there for longer than a frame takes.
     pub fn pinned(count: usize, cores: Cores) -> Threads {
+        let all = Cores::available();
+        let one_each = cores == Cores::ANY && count > 1 && count == all.ids().count();
+        Threads::start(count, if one_each { all } else { cores })
+    }
+
+    fn start(count: usize, cores: Cores) -> Threads {
         let count = count.clamp(1, Self::MAX);
         let ids: Vec<usize> = cores.ids().collect();
         let mut builder =

@@ -29,7 +29,8 @@ class Engine:
     def __init__(self, name, precision, widths, threads):
         command = [sys.executable, str(here / "worker.py"), name, widths, str(threads), str(folder)]
         if name == "track-cpu":
-            options = f"bench --worker --widths {widths} --threads {threads} --precision {precision}"
+            channels = ",".join(map(str, network.WIDTHS[widths]))
+            options = f"bench --worker --widths {channels} --threads {threads} --precision {precision}"
             command = [track_cpu, *shlex.split(options)]
         pin = ["taskset", "-c", ",".join(map(str, range(os.cpu_count())[-threads:]))]
         environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
@@ -83,7 +84,7 @@ def machine():
 versions, columns = {""}, {}
 versions.discard("")
 counts = [n for n in (1, 2, 4) if n <= os.cpu_count()]
-for widths in ("half", "full"):
+for widths in network.WIDTHS:
     for threads in counts:
         columns[widths, threads] = table(widths, threads, versions)
 versions.discard("")

@@ -1,4 +1,4 @@
-"""The search pass of the unpruned or half-pruned network as ONNX, with random weights: what other engines are timed on.
+"""The search pass of the network, unpruned or not, as ONNX, with random weights: what other engines are timed on.
 
 The graph is SiamFC++-AlexNet for one crop of 303 x 303 with template features built in as the kernels of the two depthwise
 correlations: what runs once per frame. Speed depends on shapes alone.
@@ -8,7 +8,11 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-WIDTHS = {"full": (96, 256, 384, 384, 256, 256), "half": (48, 128, 192, 192, 128, 128)}
+WIDTHS = {
+    "half": (48, 128, 192, 192, 128, 128),  # drmim-p50
+    "full": (96, 256, 384, 384, 256, 256),
+    "small": (16, 48, 64, 64, 48, 48),  # drmim-p82
+}
 SIDE = 303
 
 
@@ -59,7 +63,7 @@ class Builder:
 
 
 def search_pass(widths):
-    """The model and its multiply-accumulates, for "half" or "full"."""
+    """The model and its multiply-accumulates, for one of `WIDTHS`."""
     c1, c2, c3, c4, c5, neck = WIDTHS[widths]
     build = Builder()
     at, size = build.conv("conv1", "x", ((3, SIDE), c1, 11), stride=2)

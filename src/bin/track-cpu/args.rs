@@ -61,7 +61,7 @@ pub struct EngineArgs {
     /// Threads that work on one frame.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = threads)]
     pub threads: usize,
-    /// Processor cores to hold these threads on, in turn, as in 2,3 or 4-7 [default: where the system puts them].
+    /// Processor cores to hold these threads on, in turn, as in 2,3 or 4-7 [default: where the system puts them; as many threads as cores, one on each].
     #[arg(long, value_name = "CORES", value_parser = cores)]
     pub pin: Option<Cores>,
     /// Instruction set, of those that `track-cpu doctor` lists [default: the fastest].
