@@ -2,6 +2,7 @@
 //! multiply-add peak: `cargo bench --bench kernels [-- full] [NAME...]`. `full` takes the unpruned widths; names of
 //! instruction sets and algorithms, where given, choose the columns.
 
+use bytemuck::Zeroable;
 use kernels::conv::{Algorithm, Conv};
 use kernels::par::Threads;
 use kernels::quant::Quantization;
@@ -49,21 +50,23 @@ impl Kernel for Peak {
     }
 }
 
+/// Returns how many products of bytes one instruction makes per lane.
 impl DotKernel for Peak {
-    type Output = f32;
+    type Output = usize;
 
     #[inline(always)]
-    fn run<D: Dot>(self, dot: D) -> f32 {
+    fn run<D: Dot>(self, dot: D) -> usize {
         let lanes = D::Float::LANES;
-        let weights = dot.load(&vec![black_box([1; 4]); lanes]);
-        let x = dot.splat(black_box([1; 4]));
+        let weights = dot.load(&vec![black_box([1; 4]); lanes * D::QUADS]);
+        let x = dot.activations(black_box([D::Step::zeroed(); 2]));
         let mut sums = [dot.sums(&vec![0; lanes]); Peak::CHAINS];
         for _ in 0..self.rounds {
             for sum in &mut sums {
                 *sum = dot.dot(x, weights, *sum);
             }
         }
-        total(dot.float(), sums.map(|sum| dot.to_f32(sum)))
+        black_box(total(dot.float(), sums.map(|sums| dot.to_f32(dot.of_pixel(sums, 0)))));
+        D::PIXELS * D::QUADS * 4
     }
 }
 
@@ -112,13 +115,12 @@ fn peaks(isa: Isa) -> [f64; 3] {
     let floats = median(5, || {
         black_box(isa.run(Peak { rounds }));
     });
-    let bytes = median(5, || {
-        black_box(isa.run_dot(Peak { rounds }));
-    });
+    let mut products = 0;
+    let bytes = median(5, || products = isa.run_dot(Peak { rounds }));
     let int16 = median(5, || {
         black_box(isa.run_dot(Int16Peak { rounds }));
     });
-    [operations / floats / 1e9, 4.0 * operations / bytes / 1e9, 2.0 * operations / int16 / 1e9]
+    [operations / floats / 1e9, products as f64 * operations / bytes / 1e9, 2.0 * operations / int16 / 1e9]
 }
 
 fn main() {
