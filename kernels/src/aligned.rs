@@ -1,21 +1,22 @@
-//! Values that begin with a cache line, so that no vector of them lies across two.
+//! Values that begin with a cache line, so that no vector of them lies across two; many of them in huge pages, where the system has such.
 
 use crate::simd::Line;
 use bytemuck::Pod;
+use memmap2::MmapMut;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 
 /// A growable run of values, the first of them at the start of a cache line (64 bytes).
 #[derive(Clone, Debug)]
 pub struct Aligned<T> {
-    lines: Vec<Line>,
-    len: usize, // values
+    memory: Memory,
+    len: usize, // values; what lies behind them is stale
     values: PhantomData<T>,
 }
 
 impl<T> Default for Aligned<T> {
     fn default() -> Aligned<T> {
-        Aligned { lines: Vec::new(), len: 0, values: PhantomData }
+        Aligned { memory: Memory::Heap(Vec::new()), len: 0, values: PhantomData }
     }
 }
 
@@ -29,18 +30,21 @@ impl<T: Pod> Aligned<T> {
 
     /// Becomes `len` values, zeros behind those that were there; allocates only beyond the most so far.
     pub fn resize(&mut self, len: usize) {
+        let lines = (len * size_of::<T>()).div_ceil(size_of::<Line>());
+        if lines > self.memory.len() {
+            let mut larger = Memory::zeros(lines);
+            larger[..self.memory.len()].copy_from_slice(&self.memory);
+            self.memory = larger;
+        }
         let before = std::mem::replace(&mut self.len, len);
-        let there = self.lines.len() * size_of::<Line>() / size_of::<T>(); // values, those beyond the last one stale
-        self.lines.resize((len * size_of::<T>()).div_ceil(size_of::<Line>()), Line::ZERO);
-        if let Some(stale) = self.get_mut(before..there.min(len)) {
-            stale.fill(T::zeroed());
+        if let Some(new) = self.get_mut(before..) {
+            new.fill(T::zeroed());
         }
     }
 
     /// Drops all values, not the room for them.
     pub fn clear(&mut self) {
         self.len = 0;
-        self.lines.clear();
     }
 }
 
@@ -49,14 +53,69 @@ impl<T: Pod> Deref for Aligned<T> {
 
     #[inline]
     fn deref(&self) -> &[T] {
-        &bytemuck::cast_slice(&self.lines)[..self.len]
+        &bytemuck::cast_slice(&self.memory)[..self.len]
     }
 }
 
 impl<T: Pod> DerefMut for Aligned<T> {
     #[inline]
     fn deref_mut(&mut self) -> &mut [T] {
-        &mut bytemuck::cast_slice_mut(&mut self.lines)[..self.len]
+        &mut bytemuck::cast_slice_mut(&mut self.memory)[..self.len]
+    }
+}
+
+/// Cache lines.
+#[derive(Debug)]
+enum Memory {
+    Heap(Vec<Line>),
+    Mapped(MmapMut),
+}
+
+impl Memory {
+    /// A huge page, in lines. From this size on memory is asked for in such: a network's transformed kernels are read from end to end
+    /// in every pass, and in pages of 4 KiB the processor looks up where each of them lies.
+    const HUGE: usize = (2 << 20) / size_of::<Line>();
+
+    fn zeros(lines: usize) -> Memory {
+        let bytes = lines * size_of::<Line>();
+        match if lines >= Memory::HUGE { MmapMut::map_anon(bytes).ok() } else { None } {
+            Some(map) => {
+                #[cfg(target_os = "linux")]
+                let _ = map.advise(memmap2::Advice::HugePage); // a wish: small pages do as well
+                Memory::Mapped(map)
+            }
+            None => Memory::Heap(vec![Line::ZERO; lines]),
+        }
+    }
+}
+
+impl Clone for Memory {
+    fn clone(&self) -> Memory {
+        let mut copy = Memory::zeros(self.len());
+        copy.copy_from_slice(self);
+        copy
+    }
+}
+
+impl Deref for Memory {
+    type Target = [Line];
+
+    #[inline]
+    fn deref(&self) -> &[Line] {
+        match self {
+            Memory::Heap(lines) => lines,
+            Memory::Mapped(map) => bytemuck::cast_slice(map),
+        }
+    }
+}
+
+impl DerefMut for Memory {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut [Line] {
+        match self {
+            Memory::Heap(lines) => lines,
+            Memory::Mapped(map) => bytemuck::cast_slice_mut(map),
+        }
     }
 }
 
@@ -74,7 +133,7 @@ mod tests {
 
     #[test]
     fn they_begin_with_a_line() {
-        for len in [1, 15, 16, 17, 1000, 100_000] {
+        for len in [1, 15, 16, 17, 1000, 100_000, 3_000_000] {
             assert!(Aligned::<f32>::zeros(len).as_ptr().addr().is_multiple_of(64));
             assert!(Aligned::<u8>::zeros(len).as_ptr().addr().is_multiple_of(64));
         }
@@ -91,5 +150,19 @@ mod tests {
         values.resize(3);
         assert_eq!(*values, [0, 0, 0]);
         assert!(Aligned::<[i8; 4]>::zeros(0).is_empty());
+    }
+
+    #[test]
+    fn many_are_as_few() {
+        let mut values = Aligned::from(&[7u8; 100][..]);
+        values.resize(5_000_000);
+        assert!(
+            values[..100].iter().all(|value| *value == 7) && values[100..].iter().all(|value| *value == 0)
+        );
+        values[4_999_999] = 9;
+        let copy = values.clone();
+        values.resize(4_999_999);
+        values.resize(5_000_000);
+        assert_eq!((values[4_999_999], copy[4_999_999], copy.len()), (0, 9, 5_000_000));
     }
 }
