@@ -395,6 +395,18 @@ mod tests {
     }
 
     #[test]
+    fn as_many_threads_as_cores_have_one_each() {
+        let all: Vec<usize> = Cores::available().ids().collect();
+        if all.len() < 2 {
+            return;
+        }
+        let found = Threads::pinned(all.len(), Cores::ANY).enter(|| rayon::broadcast(|_| Cores::available()));
+        let mut held: Vec<usize> = found.into_iter().flat_map(Cores::ids).collect();
+        held.sort_unstable();
+        assert_eq!(held, all);
+    }
+
+    #[test]
     fn every_row_once() {
         for threads in [1, 2, 3, 5] {
             let all = Threads::new(threads);

@@ -176,10 +176,10 @@ impl<T: To> DotKernel for Int8<'_, T> {
 
 /// One register tile: neighbouring pixels x a block of channels.
 struct Tile<'a, T: To> {
-    input: &'a [u8],   // from the first pixel's window on
-    pixel_step: usize, // from one pixel's window to the next one's
-    row_step: usize,   // from one row of the window to the next
-    pixels: usize,
+    input: &'a [u8],        // from the first pixel's window on
+    pixel_step: usize,      // from one pixel's window to the next one's
+    row_step: usize,        // from one row of the window to the next
+    pixels: usize,          // of the tile: an odd one leaves half of the last group
     steps: usize,           // along a window's row
     rows: usize,            // rows of the window
     weights: &'a [[i8; 4]], // [rows * steps, VECTORS * LANES * QUADS]
@@ -237,7 +237,8 @@ impl<'a, T: To> Tile<'a, T> {
         }
     }
 
-    /// The hot loop.
+    /// The hot loop. It takes the sums by value: an array that is written out by variable indices later on would lie in memory here, too, and
+    /// on NEON every step would store it.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn add<D: Dot, const GROUPS: usize, const VECTORS: usize>(
@@ -245,8 +246,7 @@ impl<'a, T: To> Tile<'a, T> {
         dot: D,
         mut sums: [[D::Sums; VECTORS]; GROUPS],
     ) -> [[D::Sums; VECTORS]; GROUPS] {
-        let lanes = D::Float::LANES;
-        let (steps, vector) = (self.steps, lanes * D::QUADS);
+        let (steps, vector) = (self.steps, D::Float::LANES * D::QUADS);
         for (ky, weights) in self.weights.chunks_exact(steps * VECTORS * vector).take(self.rows).enumerate() {
             let (mut first, mut second) = ([&[][..]; GROUPS], [&[][..]; GROUPS]);
             for i in 0..GROUPS {
