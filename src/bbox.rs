@@ -3,7 +3,7 @@
 /// An axis-aligned box: left, top, width, height in pixels.
 ///
 /// Coordinates are 0-based and the width counts pixels inclusively: a box of one pixel at (3, 4) is
-/// `BBox::new(3.0, 4.0, 1.0, 1.0)`, its centre is (3, 4) (spec section 2.1).
+/// `BBox::new(3.0, 4.0, 1.0, 1.0)`, its center is (3, 4) (spec section 2.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BBox {
     /// Left edge.
@@ -16,12 +16,12 @@ pub struct BBox {
     pub h: f32,
 }
 
-/// The same box by its centre.
+/// The same box by its center.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CenterBox {
-    /// Centre, horizontally.
+    /// Center, horizontally.
     pub cx: f32,
-    /// Centre, vertically.
+    /// Center, vertically.
     pub cy: f32,
     /// Width.
     pub w: f32,
@@ -35,7 +35,7 @@ impl BBox {
         BBox { x, y, w, h }
     }
 
-    /// The same box by its centre.
+    /// The same box by its center.
     pub fn center(&self) -> CenterBox {
         let (cx, cy) = (self.x + (self.w - 1.0) / 2.0, self.y + (self.h - 1.0) / 2.0);
         CenterBox { cx, cy, w: self.w, h: self.h }
@@ -60,7 +60,7 @@ impl BBox {
         if union > 0.0 { intersection / union } else { 0.0 }
     }
 
-    /// Distance between the centres in pixels.
+    /// Distance between the centers in pixels.
     pub fn center_distance(&self, other: &BBox) -> f32 {
         let (a, b) = (self.center(), other.center());
         (a.cx - b.cx).hypot(a.cy - b.cy)
@@ -73,7 +73,7 @@ impl CenterBox {
         BBox::new(self.cx - (self.w - 1.0) / 2.0, self.cy - (self.h - 1.0) / 2.0, self.w, self.h)
     }
 
-    /// Keeps the centre inside a `width` x `height` frame and the size between `min_size` and the frame's.
+    /// Keeps the center inside a `width` x `height` frame and the size between `min_size` and the frame's.
     ///
     /// Source: spec section 2.6. A frame smaller than `min_size` wins over it.
     pub fn clamped(&self, width: usize, height: usize, min_size: f32) -> CenterBox {

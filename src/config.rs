@@ -7,7 +7,7 @@ use weights_format::TrackerParams;
 pub struct TrackConfig {
     /// Context around the target in the crops, as a share of (w + h): 0.5.
     pub context_amount: f64,
-    /// Greatest step of the size towards the new one, in `[0, 1]`.
+    /// Greatest step of the size toward the new one, in `[0, 1]`.
     pub size_lr: f64,
     /// Weight of the cosine window against the penalized score, in `[0, 1]`.
     pub window_influence: f64,

@@ -10,14 +10,14 @@ use crate::bbox::CenterBox;
 /// Largest change of a side that is believed, as a natural logarithm.
 const MAX_STRETCH: f64 = 0.5;
 
-/// Largest shift of the centre that is believed, in sides of the box.
+/// Largest shift of the center that is believed, in sides of the box.
 const MAX_SHIFT: f64 = 0.3;
 
 /// Turns the boxes of a network into better ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Correction {
     stretch: [f64; 2], // of width and height
-    shift: [f64; 2],   // of the centre, in stretched widths and heights
+    shift: [f64; 2],   // of the center, in stretched widths and heights
 }
 
 impl Correction {
@@ -41,7 +41,7 @@ impl Correction {
         if [w, h, x, y].iter().all(|v| v.is_finite()) { correction } else { Correction::NONE }
     }
 
-    /// Corrects offsets in place: distances from each cell's centre to its box's left, top, right and bottom edge, `[cells, 4]`.
+    /// Corrects offsets in place: distances from each cell's center to its box's left, top, right and bottom edge, `[cells, 4]`.
     pub(crate) fn apply(&self, ltrb: &mut [f32]) {
         if *self == Correction::NONE {
             return;
@@ -62,7 +62,7 @@ impl Correction {
 mod tests {
     use super::*;
 
-    /// Width, height and centre relative to the cell, as `Selector::decode` has them.
+    /// Width, height and center relative to the cell, as `Selector::decode` has them.
     fn decoded([l, t, r, b]: [f32; 4]) -> [f32; 4] {
         [l + r + 1.0, t + b + 1.0, (r - l) / 2.0, (b - t) / 2.0]
     }
@@ -71,7 +71,7 @@ mod tests {
     fn all_of_the_error_leads_to_the_truth_and_a_share_part_of_the_way() {
         let found = CenterBox { cx: 150.0, cy: 152.0, w: 40.0, h: 60.0 };
         let truth = CenterBox { cx: 151.0, cy: 148.0, w: 50.0, h: 54.0 };
-        let offsets = [19.5, 29.5, 19.5, 29.5]; // `found`, of the cell at its centre
+        let offsets = [19.5, 29.5, 19.5, 29.5]; // `found`, of the cell at its center
         let mut whole = offsets;
         Correction::between(&found, &truth, 1.0).apply(&mut whole);
         for (found, expected) in decoded(whole).into_iter().zip([50.0, 54.0, 1.0, -4.0]) {

@@ -9,9 +9,9 @@ use kernels::{Isa, Size};
 /// A square region of the frame and the crop it is resampled to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Region {
-    /// Centre in frame pixels, horizontally; sub-pixel.
+    /// Center in frame pixels, horizontally; sub-pixel.
     pub cx: f64,
-    /// Centre in frame pixels, vertically.
+    /// Center in frame pixels, vertically.
     pub cy: f64,
     /// Side in frame pixels, whole.
     pub side: f64,
@@ -37,7 +37,7 @@ impl Region {
         Region { cx: f64::from(target.cx), cy: f64::from(target.cy), side, crop_side }
     }
 
-    /// Where the crop's pixels lie in the frame: the outermost pixel centres of both coincide.
+    /// Where the crop's pixels lie in the frame: the outermost pixel centers of both coincide.
     fn grid(&self) -> Grid {
         let reach = (self.side - 1.0) / 2.0;
         Grid {

@@ -115,7 +115,7 @@ impl<'a> Frame<'a> {
         &self.data[y * self.stride..][..self.width * self.order.bytes_per_pixel()]
     }
 
-    /// Mean of blue, green and red over all pixels, truncated: the colour of what lies outside (spec section 2.2).
+    /// Mean of blue, green and red over all pixels, truncated: the color of what lies outside (spec section 2.2).
     pub fn mean_bgr(&self) -> [u8; 3] {
         let (step, offsets) = (self.order.bytes_per_pixel(), self.order.bgr_offsets());
         let mut sums = [0u64; 3];

@@ -11,7 +11,7 @@ use kernels::quant::Quantization;
 use kernels::{Isa, Size};
 use std::path::Path;
 use std::sync::Arc;
-use weights_format::{Architecture, EncoderPosition, Header, InputNormalisation, Layer, LayerKind, Weights};
+use weights_format::{Architecture, EncoderPosition, Header, InputNormalization, Layer, LayerKind, Weights};
 
 /// A model that trackers share: cloning it is cheap.
 #[derive(Clone, Debug)]
@@ -269,10 +269,10 @@ impl Builder<'_> {
         Conv::new(self.isa, self.algorithm(layer), conv_shape(layer), weight, bias)
     }
 
-    /// conv1 with the input normalisation folded in; exact, because it has no padding.
+    /// conv1 with the input normalization folded in; exact, because it has no padding.
     fn first_conv(&self) -> Conv {
         let (layer, weight, bias) = self.parts("backbone.conv1");
-        let (weight, bias) = fold_normalisation(&self.weights.header.input, weight, bias);
+        let (weight, bias) = fold_normalization(&self.weights.header.input, weight, bias);
         Conv::new(self.isa, self.algorithm(layer), conv_shape(layer), &weight, &bias)
     }
 
@@ -334,7 +334,7 @@ pub fn conv_shape(layer: &Layer) -> ConvShape {
 
 /// Weights and bias that give on pixels what the given ones (`[Cout, k, k, 3]`, `[Cout]`) give on
 /// `(pixel - mean) / std`.
-fn fold_normalisation(input: &InputNormalisation, weight: &[f32], bias: &[f32]) -> (Vec<f32>, Vec<f32>) {
+fn fold_normalization(input: &InputNormalization, weight: &[f32], bias: &[f32]) -> (Vec<f32>, Vec<f32>) {
     let mut folded = weight.to_vec();
     let mut shifted = bias.to_vec();
     for (weights, bias) in folded.chunks_exact_mut(weight.len() / bias.len()).zip(&mut shifted) {
@@ -356,16 +356,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn normalisation_folds_exactly() {
+    fn normalization_folds_exactly() {
         let input =
-            InputNormalisation { mean: [114.0, 10.0, 0.0], std: [58.0, 2.0, 1.0], ..Default::default() };
+            InputNormalization { mean: [114.0, 10.0, 0.0], std: [58.0, 2.0, 1.0], ..Default::default() };
         let weight = [0.5, -1.0, 2.0, 0.25, 3.0, -0.125]; // one output, a 1x2 kernel
-        let (folded, bias) = fold_normalisation(&input, &weight, &[0.75]);
+        let (folded, bias) = fold_normalization(&input, &weight, &[0.75]);
         let pixels = [200.0, 3.0, 255.0, 17.0, 90.0, 1.0];
         let dot =
             |w: &[f32], x: &dyn Fn(usize) -> f64| -> f64 { (0..6).map(|i| f64::from(w[i]) * x(i)).sum() };
-        let normalised = |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
-        let expected = 0.75 + dot(&weight, &normalised);
+        let normalized = |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
+        let expected = 0.75 + dot(&weight, &normalized);
         let found = f64::from(bias[0]) + dot(&folded, &|i| pixels[i]);
         assert!((found - expected).abs() < 1e-4, "{found}, expected {expected}");
     }

@@ -1,4 +1,4 @@
-//! A filter that is learnt while tracking: what tells this target from what is around it.
+//! A filter that is learned while tracking: what tells this target from what is around it.
 //!
 //! The network was trained on other objects, and its template shows the target alone. This filter has the template's shape and runs
 //! over the same features of the search region (the neck's, for classification), but is fitted to the region itself: to
@@ -29,7 +29,7 @@ const FIRST_STEPS: usize = 20;
 /// and in every later round.
 const STEPS: u32 = 2;
 
-/// The filter with the looks that it is learnt from.
+/// The filter with the looks that it is learned from.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct OnlineFilter {
     shape: Option<FilterShape>, // none before the first look
@@ -205,7 +205,7 @@ impl OnlineFilter {
         *power = dot(rest, rest);
     }
 
-    /// One step of conjugate gradients towards the filter that fits the memory best.
+    /// One step of conjugate gradients toward the filter that fits the memory best.
     fn step(&mut self, network: &Network, shape: FilterShape) {
         let OnlineFilter { filter, memory, solver, .. } = self;
         let Solver { response, rest, direction, image, power } = solver;
@@ -257,12 +257,12 @@ mod tests {
 
     const MIDDLE: Spot = Spot { row: 11.0, column: 11.0, side: 8.0 };
 
-    /// Blocks of 16 x 16 pixels in colours of their own.
+    /// Blocks of 16 x 16 pixels in colors of their own.
     fn crop(side: usize, seed: usize) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(side * side * 3);
         for i in 0..side * side * 3 {
-            let (row, column, colour) = (i / 3 / side / 16, i / 3 % side / 16, i % 3);
-            let block = ((seed * 64 + row) * 64 + column) * 3 + colour;
+            let (row, column, color) = (i / 3 / side / 16, i / 3 % side / 16, i % 3);
+            let block = ((seed * 64 + row) * 64 + column) * 3 + color;
             let mixed = (block as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
             bytes.push(((mixed ^ (mixed >> 31)).wrapping_mul(0x94d0_49bb_1331_11eb) >> 56) as u8);
         }

@@ -6,10 +6,10 @@ use crate::net::Outputs;
 use crate::online::Spot;
 use weights_format::Architecture;
 
-/// What does not change from frame to frame: the cells' centres and the cosine window.
+/// What does not change from frame to frame: the cells' centers and the cosine window.
 #[derive(Clone, Debug)]
 pub(crate) struct Selector {
-    offset: f64,      // crop pixel of the first cell's centre
+    offset: f64,      // crop pixel of the first cell's center
     hann: Vec<f64>,   // [score_size], 0 at both ends
     crop_middle: f64, // crop pixel of the search crop's middle
 }
@@ -27,7 +27,7 @@ pub(crate) struct Choice {
     pub response: f64,
     /// How little size and aspect changed, in `(0, 1]`.
     pub penalty: f64,
-    /// Penalized score blended with the window: what was maximised.
+    /// Penalized score blended with the window: what was maximized.
     pub penalized_score: f64,
 }
 
@@ -75,7 +75,7 @@ impl Selector {
         self.hann.len()
     }
 
-    /// Where cell 0 has its centre and where the crop its middle, both in crop pixels along either axis.
+    /// Where cell 0 has its center and where the crop its middle, both in crop pixels along either axis.
     pub(crate) fn geometry(&self) -> (f64, f64) {
         (self.offset, self.crop_middle)
     }
@@ -170,7 +170,7 @@ impl Selector {
         if peak.response >= CLEAR && near { CenterBox { cx: peak.cx, cy: peak.cy, ..bbox } } else { bbox }
     }
 
-    /// Where the online filter says most, between cells by the parabola through a cell and its neighbours.
+    /// Where the online filter says most, between cells by the parabola through a cell and its neighbors.
     fn peak(&self, response: &[f32]) -> Option<Peak> {
         let (side, border) = self.response_geometry(response);
         let best = (0..response.len()).max_by(|a, b| response[*a].total_cmp(&response[*b]))?;
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_beside_the_filters_peak_is_drawn_there_and_not_learnt() {
+    fn a_box_beside_the_filters_peak_is_drawn_there_and_not_learned() {
         let s = selector();
         let mut response = vec![0.0; 23 * 23]; // three cells more than the score map on every side
         (response[11 * 23 + 10], response[11 * 23 + 11], response[11 * 23 + 12]) = (0.4, 0.8, 0.6);

@@ -83,7 +83,7 @@ pub struct Track {
     /// Classification score times centerness of the chosen cell, in `[0, 1]`; 0 if the network gave no usable number
     /// and the box is the previous one.
     pub score: f32,
-    /// The same after penalty and window: what the choice maximised, and what video_analyst reports.
+    /// The same after penalty and window: what the choice maximized, and what video_analyst reports.
     pub penalized_score: f32,
 }
 
@@ -91,12 +91,12 @@ pub struct Track {
 #[derive(Clone, Copy, Debug)]
 struct Target {
     bbox: CenterBox,
-    border: [u8; 3], // mean colour of the first frame, BGR
+    border: [u8; 3], // mean color of the first frame, BGR
     correction: Correction,
 }
 
 /// Score from which on the template is updated; the filter learns from here on by its own response, too.
-const LEARNT_FROM: f64 = 0.3;
+const LEARNED_FROM: f64 = 0.3;
 /// Score below which the target is looked for in a wider region, if there is a filter that knows it,
 const SLIPPED: f64 = 0.15;
 /// and what it must have there: as penalized score,
@@ -208,7 +208,7 @@ impl Tracker {
 
     /// Looks once more, farther around, for a target that was not found where it should be: it may have moved faster than the
     /// search region reaches. It is only taken for found if the network and the filter agree, and then from where it was
-    /// `before`; nothing is learnt from it.
+    /// `before`; nothing is learned from it.
     pub(crate) fn look_wider(&mut self, frame: &Frame<'_>, before: CenterBox) -> Option<Track> {
         let target = Target { bbox: before, ..self.target? };
         let anywhere = TrackConfig { window_influence: 0.0, ..self.config };
@@ -238,7 +238,7 @@ impl Tracker {
         let selector = &self.views.of(extent).selector;
         let mut lap = Lap::start();
         let share = self.config.template_update as f32;
-        if share > 0.0 && choice.score >= LEARNT_FROM {
+        if share > 0.0 && choice.score >= LEARNED_FROM {
             let (template, search) = self.network.identity();
             let (cells, reach) = (template.size().h, search.size().h);
             let start = |center| selector.window_start(center, cells, reach);
@@ -247,7 +247,7 @@ impl Tracker {
             self.stages.neck += lap.lap();
         }
         if let Some(target) = self.target
-            && choice.score.max(choice.response) >= LEARNT_FROM
+            && choice.score.max(choice.response) >= LEARNED_FROM
             && selector.agrees(&choice.bbox, self.filter.response())
         {
             let CenterBox { w, h, .. } = selector.in_crop(&target.bbox, seen.scale);

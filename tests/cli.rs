@@ -88,7 +88,7 @@ fn every_way_in_gives_the_same_boxes() {
     assert_eq!(track(&["-"], &ppm), expected);
     assert_eq!(track(&[text(&file)], b""), expected);
 
-    // Gray bytes and gray pictures; and YUV without colour is nearly gray.
+    // Gray bytes and gray pictures; and YUV without color is nearly gray.
     let gray: Vec<u8> = rgb.chunks_exact(3).map(|p| p[1]).collect();
     let raw = track(&["-", "--raw", &size, "--pix", "gray"], &gray);
     let frame = SIZE.0 * SIZE.1;

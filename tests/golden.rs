@@ -117,7 +117,7 @@ fn check_stages(golden: &Tensors, model: Model, what: &str) {
 }
 
 #[test]
-fn crops_within_one_grey_level() {
+fn crops_within_one_gray_level() {
     let Some(golden) = golden() else { return };
     let frames: Vec<_> = ["frame1", "frame2"]
         .into_iter()
@@ -146,7 +146,7 @@ fn check_crop(name: &str, ours: &[u8], reference: &(Vec<usize>, Vec<f32>)) {
     let share = far as f64 / (ours.len() / 3) as f64;
     assert!(
         share <= 0.001,
-        "{name}: {:.3} % of the pixels differ by more than one grey level",
+        "{name}: {:.3} % of the pixels differ by more than one gray level",
         100.0 * share
     );
 }

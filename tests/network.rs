@@ -99,10 +99,10 @@ impl Naive<'_> {
 fn check(architecture: Architecture) {
     architecture.check().unwrap();
     let mut weights = Weights::random(architecture, 5);
-    // Pixels of 0..255 blow random weights up; the normalisation brings them down, and is tested on the way.
+    // Pixels of 0..255 blow random weights up; the normalization brings them down, and is tested on the way.
     weights.header.input.mean = [100.0, 110.0, 120.0];
     weights.header.input.std = [50.0, 60.0, 70.0];
-    let normalised = {
+    let normalized = {
         let mut folded = weights.clone();
         folded.header.input = Default::default();
         let mut conv1 = weights.tensor("backbone.conv1.weight").unwrap().clone();
@@ -117,7 +117,7 @@ fn check(architecture: Architecture) {
         folded
     };
     let (template, search) = (picture(architecture.template_size), picture(architecture.search_size));
-    let naive = Naive { weights: &normalised, layers: architecture.layers() };
+    let naive = Naive { weights: &normalized, layers: architecture.layers() };
     let (score, ltrb) = naive.run(&template, &search);
     assert_eq!(score.len(), architecture.score_size().pow(2));
     for isa in Isa::available() {

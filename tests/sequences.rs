@@ -75,7 +75,7 @@ fn boxes_of_the_reference_implementation() {
     });
 }
 
-/// Precision at 20 px and success AUC by the got10k rule, centres in original pixels (spec section 4.2).
+/// Precision at 20 px and success AUC by the got10k rule, centers in original pixels (spec section 4.2).
 fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> (f32, f32) {
     let valid: Vec<_> =
         boxes.iter().zip(annotations).filter(|(_, a)| a.is_finite() && a.area() > 0.0).collect();

@@ -132,7 +132,7 @@ fn bad_logs_and_options_say_why() {
     }
     std::fs::remove_file(&log).unwrap();
     for (args, code, part) in [
-        (&["serve", "--input", "flight:colour=red"][..], 3, "colour"),
+        (&["serve", "--input", "flight:color=red"][..], 3, "color"),
         (&["serve", "--gimbal"], 2, "--mavlink"),
         (&["serve", "--input", FLIGHT, "--http", "0.0.0.0:0"], 5, "--token"),
         (&["serve", "--input", FLIGHT, "--mavlink", "nonsense"], 5, "nonsense"),

@@ -15,7 +15,7 @@ fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// Writes a 4x3 picture of one colour.
+/// Writes a 4x3 picture of one color.
 fn picture(path: &Path, rgb: [u8; 3]) {
     save_buffer(path, &rgb.repeat(12), 4, 3, ExtendedColorType::Rgb8).unwrap();
 }

@@ -1,4 +1,4 @@
-//! The tracker's behaviour through its public face, on rendered frames.
+//! The tracker's behavior through its public face, on rendered frames.
 
 use track_cpu::error::TrackError;
 use track_cpu::{
@@ -58,7 +58,7 @@ fn follows_a_moving_target() {
     }
 }
 
-/// A frame of stripes with a disc of a checkerboard whose colours and pattern are `turned` from one look (0) to another (1).
+/// A frame of stripes with a disc of a checkerboard whose colors and pattern are `turned` from one look (0) to another (1).
 fn turning(width: usize, height: usize, cx: i64, cy: i64, turned: f64) -> Vec<u8> {
     let mut rgb = scene(width, height, -1000, -1000);
     for y in cy - 18..=cy + 18 {
@@ -175,7 +175,7 @@ fn every_isa_gives_the_same_boxes() {
     let weights = Model::builtin_weights();
     let share = weights.header.tracker.online_filter;
     // In int8 a value that `f32` rounds differently may become the next byte; the filter's bump is broad, so that this may
-    // decide between two neighbouring cells, whose boxes are nearly the same.
+    // decide between two neighboring cells, whose boxes are nearly the same.
     for (precision, online_filter, least) in
         [(Precision::F32, share, 0.999), (Precision::Int8, 0.0, 0.99), (Precision::Int8, share, 0.9)]
     {

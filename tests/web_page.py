@@ -138,7 +138,7 @@ def phone(browser, program):
     context.close()
 
 
-def unauthorised(browser, program):
+def unauthorized(browser, program):
     page = browser.new_page()
     page.goto(f"http://{program.address}/")
     page.wait_for_function("document.getElementById('note').textContent.startsWith('Watching only')")
@@ -197,7 +197,7 @@ def main():
         browser = playwright.chromium.launch(executable_path=args.chromium, args=["--no-sandbox"])
         desktop(browser, program)
         phone(browser, program)
-        unauthorised(browser, program)
+        unauthorized(browser, program)
         browser.close()
     viewers(program)
     check("ends on SIGTERM", program.end() == 0)

@@ -1,4 +1,4 @@
-//! One filter over all channels, and its adjoint: what a filter is learnt with while tracking.
+//! One filter over all channels, and its adjoint: what a filter is learned with while tracking.
 //!
 //! Response: `y[i, j] = sum over u, v, c of x[i + u, j + v, c] * f[u, v, c]`, valid, no bias. Adjoint, added to what is there:
 //! `g[u, v, c] += sum over i, j of r[i, j] * x[i + u, j + v, c]`.
@@ -151,7 +151,7 @@ impl Respond<'_> {
         }
     }
 
-    /// Neighbouring values of row `y` of `out`, from `x` on: a vector of the features or of the filter is loaded once for all of them.
+    /// Neighboring values of row `y` of `out`, from `x` on: a vector of the features or of the filter is loaded once for all of them.
     /// Returns how many they are.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the vectors in registers
@@ -226,7 +226,7 @@ impl Kernel for Adjoint<'_> {
 }
 
 impl Adjoint<'_> {
-    /// What row `from` of the features adds to neighbouring rows of `out`, from `u` on. Returns how many they are.
+    /// What row `from` of the features adds to neighboring rows of `out`, from `u` on. Returns how many they are.
     #[inline(always)]
     fn rows<S: Simd, const ROWS: usize>(&mut self, simd: S, u: usize, from: usize) -> usize {
         let row_len = self.shape.row_len();
@@ -244,7 +244,7 @@ impl Adjoint<'_> {
         ROWS
     }
 
-    /// The same for neighbouring vectors of each, from value `t` on: a vector of the features is loaded once for all rows, a value of the
+    /// The same for neighboring vectors of each, from value `t` on: a vector of the features is loaded once for all rows, a value of the
     /// response spread once for all vectors. Returns how many values of a row they are.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers

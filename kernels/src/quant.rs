@@ -10,7 +10,7 @@ use std::hash::{Hash, Hasher};
 /// How real values become bytes: `x = scale * (q - zero_point)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantization {
-    /// Distance of neighbouring bytes; above 0.
+    /// Distance of neighboring bytes; above 0.
     pub scale: f32,
     /// The byte that stands for 0.
     pub zero_point: u8,

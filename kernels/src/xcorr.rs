@@ -63,7 +63,7 @@ impl Kernel for Correlate<'_> {
 }
 
 impl Correlate<'_> {
-    /// All channels of neighbouring pixels of row `y` of `out`, from `x` on: what they see of the search features lies in few runs of
+    /// All channels of neighboring pixels of row `y` of `out`, from `x` on: what they see of the search features lies in few runs of
     /// memory, and stays in the first cache.
     #[inline(always)]
     fn pixels<S: Simd, const PIXELS: usize>(&mut self, simd: S, y: usize, x: usize) {
@@ -111,7 +111,7 @@ impl Correlate<'_> {
     }
 }
 
-/// Adds what `COLUMNS` of the template (`z`) see of a row of search features (`x`) to neighbouring pixels: each value is loaded once.
+/// Adds what `COLUMNS` of the template (`z`) see of a row of search features (`x`) to neighboring pixels: each value is loaded once.
 /// Returns how many columns they are.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the values in registers

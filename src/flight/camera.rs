@@ -4,7 +4,7 @@
 //! grid of half that resolution, then a similarity transform by Gauss-Newton on the brightness differences (Lucas and
 //! Kanade 1981), once from there and once from the motion of the frame before. Straight edges and repeating patterns fit at
 //! many places along them: of two motions that explain the picture about as well the steadier one is taken, and every step is
-//! drawn a little towards the motion before. The target's own cells are left out. Cost: a few million operations, whatever the
+//! drawn a little toward the motion before. The target's own cells are left out. Cost: a few million operations, whatever the
 //! frame's size.
 
 use crate::bbox::CenterBox;
@@ -63,7 +63,7 @@ impl Motion {
         (x + self.a * x - self.b * y, y + self.b * x + self.a * y)
     }
 
-    /// The box moved with the picture. Its size stays: the ground grows as a camera flies towards it, a target that the camera
+    /// The box moved with the picture. Its size stays: the ground grows as a camera flies toward it, a target that the camera
     /// follows does not (on rendered flights the two come apart by a factor of two in a hundred frames).
     pub(crate) fn carry(&self, bbox: &CenterBox) -> CenterBox {
         let (cx, cy) = self.apply(bbox.cx.into(), bbox.cy.into());
@@ -102,10 +102,10 @@ impl Thumbnail {
                 self.values.push(sum as f32 / (4 * samples * samples) as f32);
             }
         }
-        self.normalise();
+        self.normalize();
     }
 
-    fn normalise(&mut self) {
+    fn normalize(&mut self) {
         let count = self.values.len().max(1) as f32;
         let mean = self.values.iter().sum::<f32>() / count;
         let variance = self.values.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / count;
@@ -280,7 +280,7 @@ impl CameraMotion {
         Some(fit)
     }
 
-    /// From cells around the middle to pixels around the corner; a cell's centre lies half a cell in.
+    /// From cells around the middle to pixels around the corner; a cell's center lies half a cell in.
     fn in_frame(&self, [a, b, x, y]: [f64; 4]) -> Motion {
         let cell = self.now.cell as f64;
         let (mx, my) = (self.now.columns as f64 / 2.0, self.now.rows as f64 / 2.0);

@@ -78,7 +78,7 @@ mod tests {
         let selector = Selector::new(&Architecture::new(Widths::FULL, None));
         let mut outputs = Outputs { score: vec![0.1; 289], ltrb: [12.0; 4].repeat(289) };
         for (index, score) in [(0, 0.7), (1, 0.65), (144, 0.9), (280, 0.5)] {
-            outputs.score[index] = score; // 0 and 1 are neighbours: one object
+            outputs.score[index] = score; // 0 and 1 are neighbors: one object
         }
         let config = TrackConfig { window_influence: 0.0, ..TrackConfig::default() };
         let choice = selector.choose(&outputs, &[], [25.0; 2], &config).unwrap();

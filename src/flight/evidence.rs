@@ -17,7 +17,7 @@ pub const COUNT: usize = 15;
 /// | `score` | log-odds of the chosen cell's score |
 /// | `second` | best score of another object over this one's, at most 1 |
 /// | `sharpness` | logarithm of the average peak-to-correlation energy |
-/// | `agreement` | mean IoU of the neighbouring cells' boxes with the chosen one |
+/// | `agreement` | mean IoU of the neighboring cells' boxes with the chosen one |
 /// | `identity` | cosine of the identity-related features with the template's, both less the region's mean |
 /// | `likeness` | the same without taking the mean away |
 /// | `familiar` | cosine with what the target looked like when it was last seen well |
@@ -28,7 +28,7 @@ pub const COUNT: usize = 15;
 /// | `motion` | distance from the predicted place, in target sides |
 /// | `response` | what the online filter says; 0 without one |
 /// | `contrast` | `response` less the best of the other candidates' |
-/// | `colours` | how far the box has the target's colours, whose histogram is learnt where it is surely seen |
+/// | `colors` | how far the box has the target's colors, whose histogram is learned where it is surely seen |
 pub const NAMES: [&str; COUNT] = [
     "score",
     "second",
@@ -44,7 +44,7 @@ pub const NAMES: [&str; COUNT] = [
     "motion",
     "response",
     "contrast",
-    "colours",
+    "colors",
 ];
 
 /// Where some of them are.
@@ -54,7 +54,7 @@ const IDENTITY: usize = 4;
 const MARGIN: usize = 7;
 const RESPONSE: usize = 12;
 const CONTRAST: usize = 13;
-const COLOURS: usize = 14;
+const COLORS: usize = 14;
 
 /// What speaks for and against a box; every number is finite and of moderate size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,9 +64,9 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// How far the box has the target's colours, in `[0, 1]`.
-    pub(crate) fn colours(&self) -> f64 {
-        self.values[COLOURS]
+    /// How far the box has the target's colors, in `[0, 1]`.
+    pub(crate) fn colors(&self) -> f64 {
+        self.values[COLORS]
     }
 }
 
@@ -105,7 +105,7 @@ impl Witness {
     }
 
     /// Judges the choice of the last search, and the other candidates; returns what speaks for the choice, `None` if there is none. Asked
-    /// for by a box in frame pixels: its `motion`, which is its distance from where it was expected, and its `colours`.
+    /// for by a box in frame pixels: its `motion`, which is its distance from where it was expected, and its `colors`.
     pub(crate) fn judge(
         &mut self,
         network: &Network,
@@ -113,7 +113,7 @@ impl Witness {
         response: &[f32],
         seen: &Seen,
         motion: impl Fn(&CenterBox) -> f64,
-        mut colours: impl FnMut(&CenterBox) -> f64,
+        mut colors: impl FnMut(&CenterBox) -> f64,
     ) -> Option<Finding> {
         self.candidates.clear();
         self.findings.clear();
@@ -154,7 +154,7 @@ impl Witness {
                 motion(&bbox).min(20.0).ln_1p(),
                 peak.response.clamp(0.0, 1.0),
                 0.0,
-                colours(&bbox),
+                colors(&bbox),
             ];
             self.findings.push(Finding { bbox, score: peak.score as f32, evidence: Evidence { values } });
         }
@@ -216,9 +216,9 @@ impl Witness {
         let mut best = (f64::MIN, 0.0, row, column);
         for y in row.saturating_sub(1)..=(row + 1).min(reach - side) {
             for x in column.saturating_sub(1)..=(column + 1).min(reach - side) {
-                let (centred, plain) = compare(template, search, &self.mean, y, x);
-                if centred > best.0 {
-                    best = (centred, plain, y, x);
+                let (centerd, plain) = compare(template, search, &self.mean, y, x);
+                if centerd > best.0 {
+                    best = (centerd, plain, y, x);
                 }
             }
         }

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 const ACCELERATION: f64 = 0.008;
 /// Standard deviation of what the camera's motion leaves unexplained, in target sides per frame.
 const WANDER: f64 = 0.02;
-/// Standard deviation of a measured centre, in target sides.
+/// Standard deviation of a measured center, in target sides.
 const MEASUREMENT: f64 = 0.05;
 /// The gate: so many target sides, for what the model of motion leaves out, and so many standard deviations.
 const SLACK: f64 = 1.2;
@@ -60,7 +60,7 @@ impl Axis {
     }
 }
 
-/// The filter: centre with velocity, and the size that the target had when it was last seen well.
+/// The filter: center with velocity, and the size that the target had when it was last seen well.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Kalman {
     x: Axis,
@@ -114,7 +114,7 @@ impl Kalman {
         self.y.velocity *= KEPT_VELOCITY;
     }
 
-    /// Keeps the centre within half a frame around the frame, so that a drifting guess stays of use.
+    /// Keeps the center within half a frame around the frame, so that a drifting guess stays of use.
     pub(crate) fn bound(&mut self, width: usize, height: usize) {
         let (width, height) = (width as f64, height as f64);
         self.x.position = self.x.position.clamp(-0.5 * width, 1.5 * width);
@@ -154,7 +154,7 @@ impl Kalman {
         ((1.0 - RARE) * usual + RARE * rare + anywhere).ln() - LOOK_ALIKES.ln()
     }
 
-    /// Distance of a centre from the prediction, in target sides.
+    /// Distance of a center from the prediction, in target sides.
     pub(crate) fn distance(&self, bbox: &CenterBox) -> f64 {
         let (dx, dy) = (f64::from(bbox.cx) - self.x.position, f64::from(bbox.cy) - self.y.position);
         dx.hypot(dy) / self.side()

@@ -12,11 +12,11 @@
 //! | `presence.rs` | evidence -> probability; coefficients travel with the weights |
 //! | `rivals.rs` | objects seen beside the target, which are not it |
 //! | `camera.rs`, `kalman.rs` | where the target should be: the picture's motion and the target's own |
-//! | `sweep.rs`, `colours.rs` | in which order the frame is searched for a lost target |
+//! | `sweep.rs`, `colors.rs` | in which order the frame is searched for a lost target |
 
 mod camera;
 mod candidates;
-mod colours;
+mod colors;
 mod evidence;
 mod kalman;
 mod options;
@@ -33,7 +33,7 @@ use crate::frame::Frame;
 use crate::model::Model;
 use crate::tracker::{SearchRegion, Track, Tracker, TrackerOptions};
 use camera::CameraMotion;
-use colours::Colours;
+use colors::Colors;
 use evidence::{Finding, Witness};
 use kalman::Kalman;
 use presence::Smoothed;
@@ -62,7 +62,7 @@ pub struct FlightTracker {
     next_anchor: Option<(Kalman, u32)>, // becomes the anchor if the target stays surely seen; age in frames
     state: State,
     frames_in_state: u32,
-    faint: u32,   // frames in a row below `absent`, or of other colours
+    faint: u32,   // frames in a row below `absent`, or of other colors
     doubted: u32, // frames in a row that are not believed
     calm: u32,    // frames since the last that was not believed, or since the target was found again
     score: f32,
@@ -71,8 +71,8 @@ pub struct FlightTracker {
     leads: Vec<(f64, CenterBox)>, // places that deserve a closer look, best last: log-odds and box
     closer_look: bool,            // the next free search is one
     sweep: Sweep,
-    colours: Colours,
-    by_colours: bool,               // the next look elsewhere is where the colours are
+    colors: Colors,
+    by_colors: bool,                // the next look elsewhere is where the colors are
     visited: Vec<(CenterBox, u32)>, // places looked at lately; age in frames
     search_cost: Duration,
     evidence: Option<Evidence>,
@@ -82,7 +82,7 @@ pub struct FlightTracker {
 const ANCHOR_AGE: u32 = 4;
 /// Frames of [`State::Reacquired`] before [`State::Tracking`].
 const FRESH: u32 = 10;
-/// Frames after the last doubt before looks are learnt again: what came out from behind something may be another object.
+/// Frames after the last doubt before looks are learned again: what came out from behind something may be another object.
 const CALM: u32 = 45;
 /// Frames in a row that are not believed before the target is looked for elsewhere as well.
 const DOUBTED: u32 = 15;
@@ -90,7 +90,7 @@ const DOUBTED: u32 = 15;
 const PROBATION: u32 = 30;
 /// and log-odds below which it is.
 const REFUTED: f64 = -2.0;
-/// What is likelier not the target and has less of its colours than this is another object.
+/// What is likelier not the target and has less of its colors than this is another object.
 const FOREIGN: f64 = 0.7;
 /// A rival must have this share of the chosen box's score to be taken in its place,
 const RIVAL_SCORE: f32 = 0.5;
@@ -134,8 +134,8 @@ impl FlightTracker {
             leads: Vec::new(),
             closer_look: false,
             sweep: Sweep::default(),
-            colours: Colours::default(),
-            by_colours: false,
+            colors: Colors::default(),
+            by_colors: false,
             visited: Vec::new(),
             search_cost: Duration::from_millis(20),
             evidence: None,
@@ -150,8 +150,8 @@ impl FlightTracker {
         self.tracker.init(frame, bbox)?;
         self.witness.reset();
         self.rivals.clear();
-        self.colours.clear();
-        self.colours.learn(frame, &bbox.center(), 1.0);
+        self.colors.clear();
+        self.colors.learn(frame, &bbox.center(), 1.0);
         self.camera = CameraMotion::default();
         self.camera.observe(frame, None);
         self.smoothed = Smoothed::default();
@@ -160,7 +160,7 @@ impl FlightTracker {
         self.enter(State::Tracking);
         (self.faint, self.doubted, self.calm) = (0, 0, CALM);
         (self.score, self.probability, self.evidence) = (0.0, 1.0, None);
-        (self.closer_look, self.by_colours) = (false, false);
+        (self.closer_look, self.by_colors) = (false, false);
         self.give_up_search();
         Ok(())
     }
@@ -217,7 +217,7 @@ impl FlightTracker {
         };
         let mut odds = self.presence.look.log_odds(&finding.evidence);
         if self.calm < CALM {
-            // Nothing has been learnt since the doubt: it may look as it does after a while.
+            // Nothing has been learned since the doubt: it may look as it does after a while.
             odds = odds.max(self.presence.again.log_odds(&finding.evidence));
         }
         self.probability = self.smoothed.add(&self.presence, odds);
@@ -250,9 +250,9 @@ impl FlightTracker {
             return Ok(());
         }
         let sure = probability >= self.options.sure;
-        self.recognise(sure);
+        self.recognize(sure);
         self.drop_anchor(sure);
-        let foreign = self.probability < self.options.present && finding.evidence.colours() < FOREIGN;
+        let foreign = self.probability < self.options.present && finding.evidence.colors() < FOREIGN;
         if self.probability >= f64::from(BELIEVED) {
             if self.doubted >= DOUBTED {
                 self.give_up_search();
@@ -272,7 +272,7 @@ impl FlightTracker {
         }
         if self.calm >= CALM {
             // Light and looks change: what is only likely the target counts, too, but less.
-            self.colours.learn(frame, &bbox, (2.0 * probability - 1.0).max(0.0) as f32);
+            self.colors.learn(frame, &bbox, (2.0 * probability - 1.0).max(0.0) as f32);
             if !slipped {
                 self.witness.learn(&finding.evidence, probability);
             }
@@ -323,7 +323,7 @@ impl FlightTracker {
     }
 
     /// Remembers the motion from a while before the last frame in which the target was surely seen: in those just before it
-    /// hides, the box is already drawn towards what hides it.
+    /// hides, the box is already drawn toward what hides it.
     fn drop_anchor(&mut self, sure: bool) {
         let Some(kalman) = self.kalman else { return };
         self.next_anchor = match self.next_anchor {
@@ -376,7 +376,7 @@ impl FlightTracker {
     }
 
     /// Looks for known rivals among the last search's candidates, and for new ones where the target was surely `seen`.
-    fn recognise(&mut self, seen: bool) {
+    fn recognize(&mut self, seen: bool) {
         if let Some(kalman) = &self.kalman {
             self.rivals.observe(&self.witness.candidates, kalman, seen);
         }
@@ -393,7 +393,7 @@ impl FlightTracker {
             tracker.response(),
             tracker.seen()?,
             distance,
-            |bbox| self.colours.likeness(frame, bbox),
+            |bbox| self.colors.likeness(frame, bbox),
         );
         self.evidence = finding.map(|finding| finding.evidence);
         finding

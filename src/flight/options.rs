@@ -89,7 +89,7 @@ pub enum Conduct {
     Recover,
     /// The paper's tracker runs on; only `presence` tells.
     Tell,
-    /// The same, but looks are learnt with the care of [`Recover`](Conduct::Recover): what presence is calibrated on.
+    /// The same, but looks are learned with the care of [`Recover`](Conduct::Recover): what presence is calibrated on.
     Watch,
 }
 

@@ -79,6 +79,7 @@ impl Presence {
         let mut values = vec![None; names.len()];
         for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
             let (name, number) = line.split_once(' ').unwrap_or((line, ""));
+            let name = &name.replace("colours", "colors"); // as older files spell it
             let index = names.iter().position(|known| known == name);
             let index = index.ok_or_else(|| wrong(name, "unknown", "a known name"))?;
             let value: Option<f64> = number.trim().parse().ok().filter(|v: &f64| v.abs() <= MOST);
@@ -199,7 +200,7 @@ mod tests {
             (String::new(), "memory is missing"),
             (text.replace("again.score 2", ""), "again.score is missing"),
             (format!("{text}bias 1\n"), "bias is there twice"),
-            (format!("{text}colour 1\n"), "colour is unknown"),
+            (format!("{text}color 1\n"), "color is unknown"),
             (text.replace("memory 0.5", "memory 1"), "memory is 1"),
             (text.replace("gain 1.25", "gain 0"), "gain is 0"),
             (text.replace("bias -0.5", "bias NaN"), "bias is NaN"),

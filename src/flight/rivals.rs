@@ -13,7 +13,7 @@ const SCORE: f32 = 0.1;
 const NEW_SCORE: f32 = 0.3;
 /// Distance from the target, in its sides, from which on a candidate is no part of it.
 const APART: f64 = 0.8;
-/// Distance from its prediction, in sides, within which a rival is recognised at least, and at most.
+/// Distance from its prediction, in sides, within which a rival is recognized at least, and at most.
 const SAME: f64 = 0.6;
 const MOST_REACH: f64 = 1.5;
 /// Times that a rival must have been seen before it counts.
@@ -29,7 +29,7 @@ struct Rival {
 }
 
 impl Rival {
-    /// Distance from its prediction, in sides, within which it is recognised.
+    /// Distance from its prediction, in sides, within which it is recognized.
     fn reach(&self) -> f64 {
         (SAME + self.kalman.spread()).min(MOST_REACH)
     }
@@ -56,7 +56,7 @@ impl Rivals {
         self.known.retain(|rival| rival.unseen <= FORGOTTEN);
     }
 
-    /// Recognises them among the candidates of a search. `target` is where the target is, or should be; where it was surely
+    /// Recognizes them among the candidates of a search. `target` is where the target is, or should be; where it was surely
     /// `seen` whatever else looks like it is a rival, known or new.
     pub(super) fn observe(&mut self, candidates: &[Candidate], target: &Kalman, seen: bool) {
         for candidate in candidates.iter().filter(|c| c.score >= SCORE) {
@@ -120,7 +120,7 @@ mod tests {
         Candidate { bbox: at(cx, cy).corner(), score: 0.6, similarity: 0.8 }
     }
 
-    /// A target that stands and a rival that comes towards it, 2 pixels a frame.
+    /// A target that stands and a rival that comes toward it, 2 pixels a frame.
     fn meeting() -> (Rivals, Kalman) {
         let (mut rivals, target) = (Rivals::default(), Kalman::new(&at(100.0, 50.0)));
         for step in 0..20 {

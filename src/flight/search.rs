@@ -58,7 +58,7 @@ const FAR: f64 = 2.0;
 const SIGMAS: f64 = 3.0;
 /// Log-odds that speak against what is rather where a known rival should be: most of what is known to be a rival is one.
 const CLAIMED: f64 = 3.0;
-/// Share of what one search covers that its colours need not bring us back to,
+/// Share of what one search covers that its colors need not bring us back to,
 const VISITED: f32 = 0.8;
 /// for so many frames,
 const REMEMBERED: u32 = 15;
@@ -174,7 +174,7 @@ impl FlightTracker {
         let predicted = self.predicted(frame);
         self.tracker.look(frame, predicted, 1.0, self.options.config.window_influence)?;
         self.judge(frame, true);
-        self.recognise(false);
+        self.recognize(false);
         let believed = self.witness.findings.iter().map(|finding| (self.belief(finding), *finding));
         let Some((log_odds, finding)) = believed.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(false) };
         self.score = finding.score;
@@ -214,12 +214,12 @@ impl FlightTracker {
         }
     }
 
-    /// Looks where the target's colours are or at the sweep's next tile, by turns, and keeps what it finds there as a lead.
+    /// Looks where the target's colors are or at the sweep's next tile, by turns, and keeps what it finds there as a lead.
     fn look_elsewhere(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
         let size = self.predicted(frame);
-        let coloured = if self.by_colours { self.coloured_place(frame, &size) } else { None };
-        self.by_colours = !self.by_colours;
-        let place = coloured.map(|place| (place, 1.0)).or_else(|| self.next_tile(frame, &size));
+        let colored = if self.by_colors { self.colored_place(frame, &size) } else { None };
+        self.by_colors = !self.by_colors;
+        let place = colored.map(|place| (place, 1.0)).or_else(|| self.next_tile(frame, &size));
         let Some(((cx, cy), zoom)) = place else { return Ok(()) };
         let around = CenterBox { cx, cy, ..size };
         if self.visited.len() == MOST_VISITED {
@@ -228,7 +228,7 @@ impl FlightTracker {
         self.visited.push((around, 0));
         self.tracker.look(frame, around, zoom, 0.0)?;
         self.judge(frame, false);
-        self.recognise(false);
+        self.recognize(false);
         for i in 0..self.witness.findings.len() {
             let finding = self.witness.findings[i];
             self.suspect(&finding);
@@ -246,12 +246,12 @@ impl FlightTracker {
         self.leads.drain(..excess);
     }
 
-    /// The place within reach that has the target's colours most and was not looked at lately.
-    fn coloured_place(&mut self, frame: &Frame<'_>, size: &CenterBox) -> Option<(f32, f32)> {
+    /// The place within reach that has the target's colors most and was not looked at lately.
+    fn colored_place(&mut self, frame: &Frame<'_>, size: &CenterBox) -> Option<(f32, f32)> {
         let kalman = self.kalman?;
         let seen = 0.5 * VISITED * self.tile_side(size) as f32;
         let visited = &self.visited;
-        self.colours.hottest(frame, size, |cx, cy| {
+        self.colors.hottest(frame, size, |cx, cy| {
             let near = |at: &CenterBox| (at.cx - cx).abs() <= seen && (at.cy - cy).abs() <= seen;
             kalman.distance(&CenterBox { cx, cy, ..*size }) <= kalman.gate()
                 && !visited.iter().any(|(at, _)| near(at))
@@ -289,7 +289,7 @@ impl FlightTracker {
         self.tracker.place(tentative.bbox);
         let track = self.tracker.find(frame)?;
         let Some(finding) = self.judge(frame, false) else { return Ok(false) };
-        self.recognise(false);
+        self.recognize(false);
         tentative.note(self.belief(&finding));
         if tentative.is_refuted() {
             back.into_iter().for_each(|bbox| self.tracker.place(bbox));

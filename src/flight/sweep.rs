@@ -47,7 +47,7 @@ impl Sweep {
         self.left.drain(..far);
     }
 
-    /// The next tile's centre and zoom; `None` at the end of the sweep.
+    /// The next tile's center and zoom; `None` at the end of the sweep.
     pub(crate) fn next(&mut self) -> Option<((f32, f32), f64)> {
         self.left.pop().map(|tile| (tile, self.zoom))
     }

@@ -30,7 +30,7 @@ pub use template::TemplateFeatures;
 pub struct Outputs {
     /// Classification score times centerness, in `[0, 1]`: `[cells]`.
     pub score: Vec<f32>,
-    /// Distances from the cell's centre to the box's left, top, right and bottom edge in crop pixels: `[cells, 4]`.
+    /// Distances from the cell's center to the box's left, top, right and bottom edge in crop pixels: `[cells, 4]`.
     pub ltrb: Vec<f32>,
 }
 

@@ -39,7 +39,7 @@ impl Template {
         self.first = [cls.clone(), reg.clone()];
     }
 
-    /// Moves towards `(1 - share) * first + share * new`, so that in the end `share` of the template are later looks.
+    /// Moves toward `(1 - share) * first + share * new`, so that in the end `share` of the template are later looks.
     pub(crate) fn add(&mut self, [cls, reg]: [&Map; 2], share: f32) {
         let [first_cls, first_reg] = &self.first;
         for (map, first, new) in

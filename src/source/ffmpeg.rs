@@ -1,6 +1,6 @@
 //! The user's own `ffmpeg` as decoder: it is spawned and writes PPM frames into a pipe.
 //!
-//! PPM, because every frame names its size and the colours are converted by who knows the video's colour space.
+//! PPM, because every frame names its size and the colors are converted by who knows the video's color space.
 //! Frames keep their order and number: they are stamped 1/25 s apart and asked for at 25 a second, which no version
 //! of ffmpeg answers by dropping or repeating any (`-vsync` is gone since 9.0 and `-fps_mode` new in 5.1).
 

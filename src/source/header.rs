@@ -52,9 +52,7 @@ pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
                     "444" => PixelFormat::Yuv444p,
                     "mono" => PixelFormat::Gray,
                     _ => {
-                        return Err(format!(
-                            "y4m colour space {value}, expected 8-bit 420, 422, 444 or mono"
-                        ));
+                        return Err(format!("y4m color space {value}, expected 8-bit 420, 422, 444 or mono"));
                     }
                 }
             }

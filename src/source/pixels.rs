@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_of_bt601() {
+    fn colors_of_bt601() {
         // Against the formula in floating point: full-scale primaries of BT.601 and grays.
         for (yuv, rgb) in [
             ([16, 128, 128], [0, 0, 0]),

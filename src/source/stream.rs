@@ -25,7 +25,7 @@ pub(super) struct Stream {
     reader: BufReader<Box<dyn Read + Send>>,
     container: Container,
     layout: Option<Layout>, // none until a PPM's first header was read
-    signature_read: bool,   // the first PPM's `P6` was consumed to recognise it
+    signature_read: bool,   // the first PPM's `P6` was consumed to recognize it
     payload: Vec<u8>,       // one YUV frame
     frame: usize,           // index of the frame that follows
     label: String,          // the input as given
@@ -33,7 +33,7 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    /// Reads frames of a known raw format, or else recognises y4m and PPM by their first bytes.
+    /// Reads frames of a known raw format, or else recognizes y4m and PPM by their first bytes.
     pub(super) fn from_reader(
         reader: Box<dyn Read + Send>,
         label: &str,
@@ -44,7 +44,7 @@ impl Stream {
             Some(raw) => {
                 raw.frame_bytes().map(|_| (Container::Raw, Some(Layout { raw, range: Range::Limited })))
             }
-            None => stream.recognise(),
+            None => stream.recognize(),
         };
         (stream.container, stream.layout) = described.map_err(|reason| stream.wrong(reason))?;
         Ok(stream)
@@ -118,7 +118,7 @@ impl Stream {
     }
 
     /// Container and layout from the first bytes.
-    fn recognise(&mut self) -> Result<(Container, Option<Layout>), String> {
+    fn recognize(&mut self) -> Result<(Container, Option<Layout>), String> {
         let mut start = [0; 2];
         let found = read_full(&mut self.reader, &mut start)?;
         match &start[..found] {

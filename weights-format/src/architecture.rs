@@ -279,7 +279,7 @@ impl Architecture {
         self.layers().last().expect("an architecture has layers").out_search
     }
 
-    /// Crop pixel of the first score cell's centre, in both directions (spec section 2.4).
+    /// Crop pixel of the first score cell's center, in both directions (spec section 2.4).
     pub fn score_offset(&self) -> usize {
         (self.search_size - 1 - (self.score_size() - 1) * Self::TOTAL_STRIDE) / 2
     }

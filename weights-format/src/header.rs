@@ -17,7 +17,7 @@ pub struct Header {
     /// Share of filters that pruning removed, in `[0, 1)`; `None` where no single ratio describes the widths.
     pub pruning_ratio: Option<f64>,
     /// From crop pixels to network input.
-    pub input: InputNormalisation,
+    pub input: InputNormalization,
     /// The tracker's constants that suit these weights.
     pub tracker: TrackerParams,
     /// Type of the weights in the file.
@@ -34,7 +34,7 @@ impl Header {
         Header {
             architecture,
             pruning_ratio: architecture.widths.pruning_ratio(),
-            input: InputNormalisation::default(),
+            input: InputNormalization::default(),
             tracker: TrackerParams::default(),
             storage: Storage::F32,
             calibration: None,
@@ -57,7 +57,7 @@ pub enum ChannelOrder {
 /// The default is BGR as it is: mean 0, std 1 (spec section 2.3).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct InputNormalisation {
+pub struct InputNormalization {
     /// Order of the channels of the input and of `mean` and `std`.
     pub channel_order: ChannelOrder,
     /// Subtracted, in pixel values.
@@ -66,16 +66,16 @@ pub struct InputNormalisation {
     pub std: [f32; 3],
 }
 
-impl Default for InputNormalisation {
-    fn default() -> InputNormalisation {
-        InputNormalisation { channel_order: ChannelOrder::Bgr, mean: [0.0; 3], std: [1.0; 3] }
+impl Default for InputNormalization {
+    fn default() -> InputNormalization {
+        InputNormalization { channel_order: ChannelOrder::Bgr, mean: [0.0; 3], std: [1.0; 3] }
     }
 }
 
-impl InputNormalisation {
+impl InputNormalization {
     /// What this project's trainer feeds its networks: pixels around 0, of a spread around 1.
-    pub const TRAINED: InputNormalisation =
-        InputNormalisation { channel_order: ChannelOrder::Bgr, mean: [114.0; 3], std: [58.0; 3] };
+    pub const TRAINED: InputNormalization =
+        InputNormalization { channel_order: ChannelOrder::Bgr, mean: [114.0; 3], std: [58.0; 3] };
 
     /// Checks the bounds of FORMAT.md.
     pub(crate) fn check(&self) -> Result<(), ReadError> {
@@ -91,7 +91,7 @@ impl InputNormalisation {
     /// same.
     ///
     /// Panics if there are not three input channels.
-    pub fn translate(&self, other: &InputNormalisation, weight: &mut [f32], bias: &mut [f32]) {
+    pub fn translate(&self, other: &InputNormalization, weight: &mut [f32], bias: &mut [f32]) {
         if self == other {
             return;
         }
@@ -207,7 +207,7 @@ struct Written<'a> {
     format_version: u64,
     architecture: &'a Architecture,
     pruning_ratio: Option<f64>,
-    input: &'a InputNormalisation,
+    input: &'a InputNormalization,
     tracker: &'a TrackerParams,
     storage: Storage,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -269,7 +269,7 @@ impl Header {
         let header = Header {
             architecture: parse("architecture", "an architecture", found.architecture.get())?,
             pruning_ratio: parse("pruning_ratio", "a number or null", found.pruning_ratio.get())?,
-            input: parse("input", "an input normalisation", found.input.get())?,
+            input: parse("input", "an input normalization", found.input.get())?,
             tracker: parse("tracker", "tracker parameters", found.tracker.get())?,
             storage: parse("storage", "\"f32\" or \"f16\"", found.storage.get())?,
             calibration: found
@@ -355,16 +355,16 @@ mod tests {
 
     #[test]
     fn a_translated_convolution_computes_the_same_of_the_same_pixels() {
-        let plain = InputNormalisation::default();
-        let odd = InputNormalisation { mean: [10.0, 20.0, 30.0], std: [2.0, 50.0, 7.0], ..plain };
+        let plain = InputNormalization::default();
+        let odd = InputNormalization { mean: [10.0, 20.0, 30.0], std: [2.0, 50.0, 7.0], ..plain };
         let pixels = [3.0_f64, 250.0, 77.0, 128.0, 0.0, 255.0];
-        let value = |input: &InputNormalisation, weight: &[f32], bias: f32| {
+        let value = |input: &InputNormalization, weight: &[f32], bias: f32| {
             let x = |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
             f64::from(bias) + weight.iter().enumerate().map(|(i, w)| f64::from(*w) * x(i)).sum::<f64>()
         };
         let (weight, bias) = ([0.5, -1.0, 0.25, 2.0, 0.125, -0.75], [0.5]);
         for (from, to) in
-            [(plain, InputNormalisation::TRAINED), (InputNormalisation::TRAINED, odd), (odd, plain)]
+            [(plain, InputNormalization::TRAINED), (InputNormalization::TRAINED, odd), (odd, plain)]
         {
             let (mut w, mut b) = (weight, bias);
             from.translate(&to, &mut w, &mut b);

@@ -1,4 +1,4 @@
-//! A network before folding: its parameters with batch normalisation and the head's scalars apart, in a file of its own.
+//! A network before folding: its parameters with batch normalization and the head's scalars apart, in a file of its own.
 //!
 //! This is what passes between PyTorch and the trainer; the tracker never sees it. A safetensors container of f32
 //! tensors named `parameter.<name>`, with one metadata key `parameters`: an object of `format` (1), `architecture`, `input`
@@ -9,7 +9,7 @@ use crate::{
     architecture::{Architecture, LayerKind},
     error::{ReadError, WriteError},
     file,
-    header::InputNormalisation,
+    header::InputNormalization,
     weights::Tensor,
 };
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
@@ -19,7 +19,7 @@ use std::{
     path::Path,
 };
 
-/// Largest file accepted: the unpruned network with an optimiser's state and the networks that only training needs.
+/// Largest file accepted: the unpruned network with an optimizer's state and the networks that only training needs.
 const MAX_BYTES: u64 = 1 << 30;
 const FORMAT: u32 = 1;
 const KEY: &str = "parameters";
@@ -28,14 +28,14 @@ const TRAINER: &str = "trainer";
 /// A network's parameters as they are trained.
 ///
 /// For every convolution `<name>` there is `<name>.weight` (`[Cout, kh, kw, Cin]`) and `<name>.bias` (`[Cout]`), with
-/// batch normalisation also `<name>.bn.scale`, `.bn.shift`, `.bn.mean`, `.bn.variance` (`[Cout]`); and `head.si`,
+/// batch normalization also `<name>.bn.scale`, `.bn.shift`, `.bn.mean`, `.bn.variance` (`[Cout]`); and `head.si`,
 /// `head.bi` (`[]`): distances are `exp(si o + bi) * 8`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unfolded {
     /// Determines every tensor's name and shape.
     pub architecture: Architecture,
     /// What the network expects of pixels.
-    pub input: InputNormalisation,
+    pub input: InputNormalization,
     /// What it was made from, in words for people.
     pub source: String,
     /// Every tensor by name.
@@ -47,7 +47,7 @@ pub struct Unfolded {
 struct Described {
     format: u32,
     architecture: Architecture,
-    input: InputNormalisation,
+    input: InputNormalization,
     source: String,
 }
 
@@ -105,7 +105,7 @@ impl Unfolded {
             (None, Some(text)) => {
                 let Checkpoint { options } =
                     serde_json::from_str(text).map_err(|error| wrong(TRAINER, error))?;
-                let input = InputNormalisation::TRAINED;
+                let input = InputNormalization::TRAINED;
                 let source = "a checkpoint of the track-cpu trainer".into();
                 Described { format: FORMAT, architecture: options.architecture, input, source }
             }
@@ -214,7 +214,7 @@ mod tests {
         let shapes = Unfolded::shapes(&architecture).into_iter().enumerate();
         Unfolded {
             architecture,
-            input: InputNormalisation::default(),
+            input: InputNormalization::default(),
             source: "a test".into(),
             tensors: shapes.map(|(i, (name, shape))| (name, tensor(i, shape))).collect(),
         }

@@ -19,7 +19,7 @@ pub struct Tensor {
 /// A network's weights: a header and the tensors that its architecture implies.
 ///
 /// For every convolution `<name>` of [`Architecture::layers`] there is `<name>.weight` with shape
-/// `[Cout, kh, kw, Cin]` and `<name>.bias` with shape `[Cout]`; batch normalisation and the head's two scalars are
+/// `[Cout, kh, kw, Cin]` and `<name>.bias` with shape `[Cout]`; batch normalization and the head's two scalars are
 /// folded into them.
 #[derive(Clone, PartialEq)]
 pub struct Weights {

@@ -156,7 +156,7 @@ fn metadata_fields() {
         ),
         ("version text", metadata(|m| m["format_version"] = json!("1")), "invalid type: string"),
         ("field missing", metadata(|m| remove(m, "tracker")), "missing field `tracker`"),
-        ("field unknown", metadata(|m| m["colour"] = json!(1)), "unknown field `colour`"),
+        ("field unknown", metadata(|m| m["color"] = json!(1)), "unknown field `color`"),
         (
             "field twice",
             metadata_text(|m| m.replacen('{', r#"{"storage":"f32","#, 1)),
@@ -165,7 +165,7 @@ fn metadata_fields() {
         (
             "nested unknown",
             metadata(|m| m["input"]["gamma"] = json!(1)),
-            "`input`: expected an input normalisation, found unknown field `gamma`",
+            "`input`: expected an input normalization, found unknown field `gamma`",
         ),
         ("nested missing", metadata(|m| remove(&mut m["tracker"], "size_lr")), "missing field `size_lr`"),
         (
@@ -177,7 +177,7 @@ fn metadata_fields() {
         (
             "two means",
             metadata(|m| m["input"]["mean"] = json!([0, 0])),
-            "`input`: expected an input normalisation, found invalid length 2",
+            "`input`: expected an input normalization, found invalid length 2",
         ),
         ("channel order", metadata(|m| m["input"]["channel_order"] = json!("rgb")), "unknown variant `rgb`"),
         (

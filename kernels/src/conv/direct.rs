@@ -1,6 +1,6 @@
 //! Direct convolution in register tiles.
 //!
-//! One tile is up to 9 neighbouring pixels of an output row x up to 3 vectors of output channels, held in registers
+//! One tile is up to 9 neighboring pixels of an output row x up to 3 vectors of output channels, held in registers
 //! while the window is walked once: per step one vector load per channel vector, one broadcast per pixel, and their
 //! products. Weights are packed so that the walk reads them front to back:
 //!
@@ -110,7 +110,7 @@ impl Kernel for Direct<'_> {
     }
 }
 
-/// One register tile: neighbouring pixels x a block of channels.
+/// One register tile: neighboring pixels x a block of channels.
 pub(super) struct Tile<'a> {
     pub input: &'a [f32],   // from the first pixel's window on
     pub pixel_step: usize,  // from one pixel's window to the next one's

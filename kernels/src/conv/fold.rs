@@ -63,7 +63,7 @@ pub(super) fn input(shape: &ConvShape, threads: &Threads, input: &[f32], size: S
                 let from = (s * (first + i) + p_y).checked_sub(pad).filter(|y| *y < size.h);
                 let from = from.map_or(&[][..], |y| &input[y * size.w * cin..][..size.w * cin]);
                 match run {
-                    6 if pad == 0 => spread::<6>(from, s * run, to), // colours at stride 2
+                    6 if pad == 0 => spread::<6>(from, s * run, to), // colors at stride 2
                     _ => spread_any(from, pad * cin, run, s * run, to),
                 }
             }

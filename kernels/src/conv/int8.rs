@@ -8,7 +8,7 @@
 //! Weights are symmetric, one scale per output channel: `q_w = round(w * 127 / max |w|)`.
 //!
 //! The walk is that of `direct.rs` with four inputs per step: one load of four weights per lane and channel vector, one broadcast of four
-//! neighbouring inputs per pixel. A window's row of `k * Cin` bytes is taken up to the next multiple of four; the weights behind its end are zero.
+//! neighboring inputs per pixel. A window's row of `k * Cin` bytes is taken up to the next multiple of four; the weights behind its end are zero.
 //! Where the instruction set multiplies matrices, a step is of eight inputs, and pixels go two by two.
 
 use super::ConvShape;
@@ -174,7 +174,7 @@ impl<T: To> DotKernel for Int8<'_, T> {
     }
 }
 
-/// One register tile: neighbouring pixels x a block of channels.
+/// One register tile: neighboring pixels x a block of channels.
 struct Tile<'a, T: To> {
     input: &'a [u8],        // from the first pixel's window on
     pixel_step: usize,      // from one pixel's window to the next one's

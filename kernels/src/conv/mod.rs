@@ -352,7 +352,7 @@ impl Conv {
         self.run_between(threads, Input::Floats(input), size, Output::Floats(out), scratch)
     }
 
-    /// As [`run`](Self::run), where a neighbour may hand bytes over or take them: the same bits as by way of `f32`.
+    /// As [`run`](Self::run), where a neighbor may hand bytes over or take them: the same bits as by way of `f32`.
     ///
     /// Panics as `run` does, or if bytes are read or written by another algorithm than [`Algorithm::Int8`], or padded.
     pub fn run_between(

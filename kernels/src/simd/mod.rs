@@ -55,7 +55,7 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// each weight as often as can be, but needs a load for every product, which few instruction sets have for nothing.
     const LONG_TILE: (usize, usize);
 
-    /// Runs `kernel` in a function of its own, which the compiler optimises by itself: for the stages of a larger kernel.
+    /// Runs `kernel` in a function of its own, which the compiler optimizes by itself: for the stages of a larger kernel.
     fn call<K: Kernel>(self, kernel: K) -> K::Output;
 
     /// All lanes `x`.

@@ -78,7 +78,7 @@ pub struct EngineArgs {
     /// Share of the target's later looks in the template, 0 to 1; 0 is the paper's tracker [default: the model's].
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub template_update: Option<f64>,
-    /// Share of a filter that is learnt while tracking in the score, 0 to 1; 0 is the paper's tracker [default: the model's].
+    /// Share of a filter that is learned while tracking in the score, 0 to 1; 0 is the paper's tracker [default: the model's].
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub online_filter: Option<f64>,
     /// How much of the search region is looked at.
@@ -248,7 +248,7 @@ Example:
   track-cpu demo --seed 3 --out my-demo
 
 The object is shown by the flight's true box in the first frame and then never again. Mean IoU and precision (share of
-frames whose centre is at most 20 pixels off) are over the frames after the first in which more than 30 % of the object
+frames whose center is at most 20 pixels off) are over the frames after the first in which more than 30 % of the object
 is visible; FPS counts tracking only, frames divided by total time.")]
 pub struct DemoArgs {
     /// Folder for demo.gif and sheet.png.

@@ -19,7 +19,7 @@ use crate::statistics::Times;
 const PICTURES: usize = 12;
 /// A frame counts if more of the object than this is visible.
 const LEAST_VISIBLE: f32 = 0.3;
-/// A centre this far off, in pixels, is still precise.
+/// A center this far off, in pixels, is still precise.
 const PRECISE_PX: f32 = 20.0;
 
 /// Runs the sub-command.

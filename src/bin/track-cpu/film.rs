@@ -92,7 +92,7 @@ impl Gif {
     const MAX_WIDTH: u32 = 400;
     const MAX_PICTURES: usize = 160;
     const MAX_BYTES: usize = 6_000_000;
-    /// Neighbours that differ by at most this much in every channel become equal: halves the file.
+    /// Neighbors that differ by at most this much in every channel become equal: halves the file.
     const TOLERANCE: u8 = 7;
 
     fn create(path: &Path) -> Result<Gif, Failure> {

@@ -59,7 +59,7 @@ fn as_text(header: &Header) -> String {
 
 const NOTES: &str = "\
 template, search: side of the layer's output for the template crop (once per target) and the search crop (once per
-frame). Parameters are counted as papers do: weights, biases, scale and shift of batch normalisation, which the file
+frame). Parameters are counted as papers do: weights, biases, scale and shift of batch normalization, which the file
 has folded into its weights. MMAC: million multiply-accumulates of the plain algorithm.";
 
 /// Everything that is not a layer.

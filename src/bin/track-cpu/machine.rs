@@ -21,13 +21,13 @@ pub struct Machine {
     pub load: Option<f64>,
     /// This program's version.
     pub version: &'static str,
-    /// What it was built by: compiler, and whether without optimisation.
+    /// What it was built by: compiler, and whether without optimization.
     pub build: &'static str,
 }
 
-/// The compiler; a program that is not optimised says so, for its speed means nothing.
+/// The compiler; a program that is not optimized says so, for its speed means nothing.
 const BUILD: &str = match cfg!(debug_assertions) {
-    true => concat!(env!("TRACK_CPU_COMPILER"), ", not optimised"),
+    true => concat!(env!("TRACK_CPU_COMPILER"), ", not optimized"),
     false => env!("TRACK_CPU_COMPILER"),
 };
 

@@ -44,9 +44,9 @@ impl Canvas {
         Canvas { picture, scale, unit: (width as i32 / 500).max(1) }
     }
 
-    /// A canvas of one colour, drawn on in its own pixels.
-    pub fn blank(width: u32, height: u32, colour: Rgb<u8>) -> Canvas {
-        Canvas { picture: RgbImage::from_pixel(width, height, colour), scale: (1.0, 1.0), unit: 1 }
+    /// A canvas of one color, drawn on in its own pixels.
+    pub fn blank(width: u32, height: u32, color: Rgb<u8>) -> Canvas {
+        Canvas { picture: RgbImage::from_pixel(width, height, color), scale: (1.0, 1.0), unit: 1 }
     }
 
     /// A thin white outline: where the object really is.
@@ -68,10 +68,10 @@ impl Canvas {
         let y = if above >= 0 { above } else { y1 + t + self.unit };
         self.fill([x, y, x + w, y + h], BLACK, 0.6);
         self.text(x + 2 * self.unit, y + 2 * self.unit, &text, self.unit, WHITE);
-        let colour = mix(RED, AMBER, score);
+        let color = mix(RED, AMBER, score);
         let bar = ((w - 4 * self.unit) as f32 * score.clamp(0.0, 1.0)).round() as i32;
         let bottom = y + h - self.unit;
-        self.fill([x + 2 * self.unit, bottom - 2 * self.unit, x + 2 * self.unit + bar, bottom], colour, 1.0);
+        self.fill([x + 2 * self.unit, bottom - 2 * self.unit, x + 2 * self.unit + bar, bottom], color, 1.0);
     }
 
     /// A line of text on a dark plate in the lower left corner.
@@ -83,38 +83,38 @@ impl Canvas {
     }
 
     /// Text whose upper left corner is at `(x, y)`; a letter's pixel has `unit` canvas pixels a side.
-    pub fn text(&mut self, x: i32, y: i32, text: &str, unit: i32, colour: Rgb<u8>) {
+    pub fn text(&mut self, x: i32, y: i32, text: &str, unit: i32, color: Rgb<u8>) {
         for (i, letter) in text.chars().enumerate() {
             let left = x + i as i32 * (font::WIDTH as i32 + 1) * unit;
             for (row, bits) in font::glyph(letter).into_iter().enumerate() {
                 for column in 0..font::WIDTH {
                     if bits >> (font::WIDTH - 1 - column) & 1 == 1 {
                         let (x, y) = (left + column as i32 * unit, y + row as i32 * unit);
-                        self.fill([x, y, x + unit, y + unit], colour, 1.0);
+                        self.fill([x, y, x + unit, y + unit], color, 1.0);
                     }
                 }
             }
         }
     }
 
-    /// Blends a colour over `[x0, x1) x [y0, y1)`, as far as that lies on the canvas.
-    pub fn fill(&mut self, [x0, y0, x1, y1]: [i32; 4], colour: Rgb<u8>, alpha: f32) {
+    /// Blends a color over `[x0, x1) x [y0, y1)`, as far as that lies on the canvas.
+    pub fn fill(&mut self, [x0, y0, x1, y1]: [i32; 4], color: Rgb<u8>, alpha: f32) {
         let (width, height) = (self.picture.width() as i32, self.picture.height() as i32);
         for y in y0.clamp(0, height)..y1.clamp(0, height) {
             for x in x0.clamp(0, width)..x1.clamp(0, width) {
                 let pixel = self.picture.get_pixel_mut(x as u32, y as u32);
-                *pixel = mix(*pixel, colour, alpha);
+                *pixel = mix(*pixel, color, alpha);
             }
         }
     }
 
     /// A frame of `thickness` inside the edges.
-    fn outline(&mut self, [x0, y0, x1, y1]: [i32; 4], thickness: i32, colour: Rgb<u8>, alpha: f32) {
+    fn outline(&mut self, [x0, y0, x1, y1]: [i32; 4], thickness: i32, color: Rgb<u8>, alpha: f32) {
         let t = thickness.min((x1 - x0) / 2).min((y1 - y0) / 2).max(1);
-        self.fill([x0, y0, x1, y0 + t], colour, alpha);
-        self.fill([x0, y1 - t, x1, y1], colour, alpha);
-        self.fill([x0, y0 + t, x0 + t, y1 - t], colour, alpha);
-        self.fill([x1 - t, y0 + t, x1, y1 - t], colour, alpha);
+        self.fill([x0, y0, x1, y0 + t], color, alpha);
+        self.fill([x0, y1 - t, x1, y1], color, alpha);
+        self.fill([x0, y0 + t, x0 + t, y1 - t], color, alpha);
+        self.fill([x1 - t, y0 + t, x1, y1 - t], color, alpha);
     }
 
     /// A box's edges in canvas pixels.

@@ -13,7 +13,7 @@ const TITLE_HEIGHT: u32 = 44;
 const PAPER: Rgb<u8> = Rgb([24, 26, 30]);
 const FAINT: Rgb<u8> = Rgb([150, 155, 165]);
 
-/// Writes pictures of equal size as a PNG, four in a row, with a title and the colours' meaning above.
+/// Writes pictures of equal size as a PNG, four in a row, with a title and the colors' meaning above.
 pub fn write(path: &Path, title: &str, subtitle: &str, pictures: &[RgbImage]) -> Result<(), Failure> {
     let (w, h) = pictures.first().map_or((0, 0), RgbImage::dimensions);
     let rows = (pictures.len() as u32).div_ceil(COLUMNS);
@@ -31,14 +31,14 @@ pub fn write(path: &Path, title: &str, subtitle: &str, pictures: &[RgbImage]) ->
     sheet.picture.save(path).map_err(|error| Failure::output(path, error))
 }
 
-/// What the colours mean, right-aligned.
+/// What the colors mean, right-aligned.
 fn legend(sheet: &mut Canvas, right: i32) {
     let mut x = right;
-    for (text, colour, thickness) in [("truth", WHITE, 2), ("track-cpu", AMBER, 4)] {
+    for (text, color, thickness) in [("truth", WHITE, 2), ("track-cpu", AMBER, 4)] {
         x -= text_width(text, 2);
-        sheet.text(x, 14, text, 2, colour);
+        sheet.text(x, 14, text, 2, color);
         x -= 36;
-        sheet.fill([x, 21 - thickness / 2, x + 26, 21 + thickness / 2], colour, 1.0);
+        sheet.fill([x, 21 - thickness / 2, x + 26, 21 + thickness / 2], color, 1.0);
         x -= 24;
     }
 }

@@ -15,7 +15,7 @@ pub struct Times {
 const BLOCKS: usize = 10;
 
 impl Times {
-    /// Summarises times in the order in which they were measured.
+    /// Summarizes times in the order in which they were measured.
     pub fn new(times: &[Duration]) -> Times {
         let mut sorted: Vec<f64> = times.iter().map(|time| time.as_secs_f64() * 1e3).collect();
         let middle = |block: &[f64]| {

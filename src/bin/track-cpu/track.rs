@@ -78,12 +78,12 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     bar.finish_and_clear();
     let filmed = painter.map_or(Ok(()), Painter::finish);
     if !matches!(done, Err(Failure::ClosedPipe)) && !times.is_empty() {
-        summarise(args, &times, began.elapsed());
+        summarize(args, &times, began.elapsed());
     }
     done.and(filmed)
 }
 
-fn summarise(args: &TrackArgs, times: &[Duration], all: Duration) {
+fn summarize(args: &TrackArgs, times: &[Duration], all: Duration) {
     let (frames, tracking) = (times.len() + 1, Times::new(times));
     let total = frames as f64 / all.as_secs_f64();
     let to = |path: &Option<std::path::PathBuf>, what| {

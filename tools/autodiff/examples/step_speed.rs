@@ -6,7 +6,7 @@
 #[path = "../tests/network/mod.rs"]
 mod network;
 
-use autodiff::optim::{Optimiser, Sgd};
+use autodiff::optim::{Optimizer, Sgd};
 use autodiff::{BoxDecoder, Compute, Mode, Parameters, Tape, Tensor};
 use network::{Batch, Config, DrMim};
 use std::time::Instant;
@@ -29,8 +29,8 @@ fn batch(size: usize, items: usize, state: &mut u64) -> Batch {
         Tensor::new(&shape, (0..shape.iter().product()).map(|_| noise(state)).collect())
     };
     let (template, search, second_template) = (crops(127), crops(size), crops(127));
-    let centre = (size - 1) as f32 / 2.0;
-    let truth = [centre - 30.0, centre - 25.0, centre + 35.0, centre + 30.0];
+    let center = (size - 1) as f32 / 2.0;
+    let truth = [center - 30.0, center - 25.0, center + 35.0, center + 30.0];
     let cell = |i: usize| [i % side, i / side].map(|n| first + 8.0 * n as f32);
     let inside = |[x, y]: [f32; 2]| x > truth[0] && x < truth[2] && y > truth[1] && y < truth[3];
     let labels = (0..side * side).map(|i| f32::from(inside(cell(i)))).collect::<Vec<_>>().repeat(items);

@@ -1,10 +1,10 @@
 //! A small reverse-mode tape over `f32` batches: the base of the trainer.
 //!
 //! A [`Tape`] writes down a computation while it runs; [`Tape::backward`] reads it backwards and leaves the gradients in the
-//! [`Parameters`]; an [`Optimiser`](optim::Optimiser) then moves the parameters. Maps are `[batch, height, width, channels]`.
+//! [`Parameters`]; an [`Optimizer`](optim::Optimizer) then moves the parameters. Maps are `[batch, height, width, channels]`.
 //!
 //! ```
-//! use autodiff::optim::{Optimiser, Sgd};
+//! use autodiff::optim::{Optimizer, Sgd};
 //! use autodiff::{Compute, Mode, Parameters, Tape, Tensor};
 //!
 //! let compute = Compute::new(1)?;

@@ -16,7 +16,7 @@ pub struct Parameter {
     pub value: Tensor,
     /// The sum of its gradients since [`Parameters::clear_gradients`]; none if no loss reached it.
     pub gradient: Option<Tensor>,
-    /// Whether it keeps its value: no gradient is computed for it, no optimiser moves it.
+    /// Whether it keeps its value: no gradient is computed for it, no optimizer moves it.
     pub frozen: bool,
     /// Factor on the learning rate.
     pub rate: f32,
@@ -30,7 +30,7 @@ impl Parameter {
         &self.name
     }
 
-    /// Whether an optimiser may move it: it is no statistic and not frozen.
+    /// Whether an optimizer may move it: it is no statistic and not frozen.
     pub fn is_trained(&self) -> bool {
         self.trained && !self.frozen
     }

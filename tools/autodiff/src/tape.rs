@@ -14,7 +14,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Var(usize);
 
-/// Whether batch normalisation uses the batch's statistics, or the running ones.
+/// Whether batch normalization uses the batch's statistics, or the running ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The batch's own; the running ones are updated.

@@ -2,7 +2,7 @@
 
 mod network;
 
-use autodiff::optim::{Optimiser, Sgd};
+use autodiff::optim::{Optimizer, Sgd};
 use autodiff::{BoxDecoder, Compute, Mode, Parameters, Tape, Tensor};
 use kernels::Isa;
 use network::{Batch, Config, DrMim, Losses};
@@ -147,7 +147,7 @@ fn one_step_with(compute: Compute, tolerance: f64) {
     for parameter in parameters.iter() {
         let (name, shape) = (parameter.name(), parameter.value.shape());
         let (found, expected, floor) = match &parameter.gradient {
-            // Before a normalisation a bias has no gradient but rounding errors; these are judged by its weights' gradient.
+            // Before a normalization a bias has no gradient but rounding errors; these are judged by its weights' gradient.
             Some(gradient) => {
                 let weights =
                     name.strip_suffix(".conv.bias").map(|layer| format!("grad.{layer}.conv.weight"));

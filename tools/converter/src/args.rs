@@ -8,7 +8,7 @@ use weights_format::{EncoderPosition, Storage};
 /// Convert a PyTorch checkpoint of DR-MIM / SiamFC++-AlexNet to a weights file, and back
 ///
 /// Reads zip archives (torch 1.6 and later) and legacy streams, as data: nothing in them is executed. For a weights file,
-/// batch normalisation and the head's scalars are folded in; tensors that only training needs are ignored and listed.
+/// batch normalization and the head's scalars are folded in; tensors that only training needs are ignored and listed.
 ///
 /// `--to trainer` keeps them apart: what it writes, `train fit --init` and `train prune` take. `--to pytorch` goes the
 /// other way, from one of our files to a state dict under video_analyst's names, in a .pth or .safetensors file.

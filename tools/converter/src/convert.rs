@@ -14,7 +14,7 @@ use std::{
     path::Path,
 };
 use weights_format::{
-    Architecture, EncoderPosition, Header, InputNormalisation, Layer, Provenance, Storage, Tensor, Unfolded,
+    Architecture, EncoderPosition, Header, InputNormalization, Layer, Provenance, Storage, Tensor, Unfolded,
     Weights,
 };
 
@@ -110,7 +110,7 @@ pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refu
     Ok(Conversion { weights, ignored, unknown })
 }
 
-/// The checkpoint at `path` as the trainer takes it: values as they are, batch normalisation apart.
+/// The checkpoint at `path` as the trainer takes it: values as they are, batch normalization apart.
 ///
 /// # Errors
 /// [`Error::Unreadable`] or [`Error::Refused`], with the path.
@@ -132,7 +132,7 @@ pub fn unfold_bytes(bytes: &[u8], options: &Options) -> Result<Unfolding, Refusa
     let layers = convolutions(&architecture);
     let mut unfolded = Unfolded {
         architecture,
-        input: InputNormalisation::default(),
+        input: InputNormalization::default(),
         source: "PyTorch checkpoint".into(),
         tensors: Default::default(),
     };

@@ -1,8 +1,8 @@
 //! Folding what follows a convolution into its weights, in f64.
 //!
-//! Source: spec sections 1.1 (batch normalisation) and 6.13 (the head's scalars).
+//! Source: spec sections 1.1 (batch normalization) and 6.13 (the head's scalars).
 
-/// Added to the variance by every batch normalisation of the network.
+/// Added to the variance by every batch normalization of the network.
 pub const EPSILON: f64 = 1e-5;
 
 /// A convolution's parameters.
@@ -16,7 +16,7 @@ pub struct Convolution {
     pub bias: Vec<f64>,
 }
 
-/// A batch normalisation's parameters at inference, `[Cout]` each.
+/// A batch normalization's parameters at inference, `[Cout]` each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BatchNorm {
     /// Gamma.
@@ -30,7 +30,7 @@ pub struct BatchNorm {
 }
 
 impl Convolution {
-    /// Folds in a batch normalisation: `w' = w g / sqrt(v + eps)`, `b' = (b - m) g / sqrt(v + eps) + beta`.
+    /// Folds in a batch normalization: `w' = w g / sqrt(v + eps)`, `b' = (b - m) g / sqrt(v + eps) + beta`.
     pub fn fold_batch_norm(&mut self, bn: &BatchNorm) {
         let factors: Vec<f64> = bn
             .scale
@@ -101,11 +101,11 @@ mod tests {
         let bn = BatchNorm { scale: noise(5, 3), shift: noise(5, 4), mean: noise(5, 5), variance };
         let patch = noise(channels * rows * columns, 6);
         let (si, bi) = (0.75, -1.5);
-        let normalised = evaluate(&conv, &patch)
+        let normalized = evaluate(&conv, &patch)
             .into_iter()
             .enumerate()
             .map(|(i, y)| (y - bn.mean[i]) / (bn.variance[i] + 1e-5).sqrt() * bn.scale[i] + bn.shift[i]);
-        let expected: Vec<f64> = normalised.map(|y| si * y + bi).collect();
+        let expected: Vec<f64> = normalized.map(|y| si * y + bi).collect();
         conv.fold_batch_norm(&bn);
         conv.fold_affine(si, bi);
         for (found, expected) in evaluate(&conv, &patch).into_iter().zip(expected) {

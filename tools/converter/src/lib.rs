@@ -6,7 +6,7 @@
 //! | `pytorch` | the other way: our networks as a state dict |
 //! | `architecture` | the network that a checkpoint's tensors describe |
 //! | `names` | PyTorch's parameter names, and ours |
-//! | `fold` | batch normalisation and the head's scalars, folded into convolutions |
+//! | `fold` | batch normalization and the head's scalars, folded into convolutions |
 //! | `checkpoint` | zip archives and legacy streams as named tensors |
 //! | `checkpoint/pickle` | pickle read as data |
 //! | `checkpoint/torch` | storages, tensors and the functions that rebuild them |

@@ -90,7 +90,7 @@ pub fn prefix(layer: &str, encoder: Option<EncoderNames>) -> String {
 /// Names of a convolution's parameters behind its prefix.
 pub const CONVOLUTION: [&str; 2] = ["conv.weight", "conv.bias"];
 
-/// Names of a batch normalisation's parameters behind its prefix: scale, shift, mean, variance.
+/// Names of a batch normalization's parameters behind its prefix: scale, shift, mean, variance.
 pub const BATCH_NORM: [&str; 4] = ["bn.weight", "bn.bias", "bn.running_mean", "bn.running_var"];
 
 /// Ours for the same, behind a layer's name.

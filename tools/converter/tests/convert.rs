@@ -25,8 +25,8 @@ fn unfolded(dict: &StateDict, prefix: &str, patch: &[f32]) -> Vec<f64> {
         let [shift, mean, variance] =
             ["bn.bias", "bn.running_mean", "bn.running_var"].map(|n| get(n).unwrap());
         for (i, y) in values.iter_mut().enumerate() {
-            let normalised = (*y - f64::from(mean[i])) / (f64::from(variance[i]) + 1e-5).sqrt();
-            *y = normalised * f64::from(scale[i]) + f64::from(shift[i]);
+            let normalized = (*y - f64::from(mean[i])) / (f64::from(variance[i]) + 1e-5).sqrt();
+            *y = normalized * f64::from(scale[i]) + f64::from(shift[i]);
         }
     }
     if prefix == "head.bbox_offsets_p5" {
@@ -201,7 +201,7 @@ fn deflated_entries_and_other_roots() {
 
 #[test]
 fn newer_protocols() {
-    // Protocol 4: a frame, short strings, memoised, STACK_GLOBAL.
+    // Protocol 4: a frame, short strings, memoized, STACK_GLOBAL.
     let short = |text: &str| [&[0x8c, text.len() as u8], text.as_bytes(), &[0x94]].concat();
     let dict = [short("collections"), short("OrderedDict"), vec![0x93, b')', b'R', 0x94]].concat();
     let start = [&[0x80, 4, 0x95], &999_u64.to_le_bytes()[..], &dict, b"("].concat();

@@ -6,7 +6,7 @@ use common::*;
 use converter::{Options, StateDict, Values, convert_bytes, unfold_bytes};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use weights_format::{Architecture, Encoder, InputNormalisation, Unfolded, Weights, Widths};
+use weights_format::{Architecture, Encoder, InputNormalization, Unfolded, Weights, Widths};
 
 /// A folder of its own that goes away again.
 struct Folder(PathBuf);
@@ -96,7 +96,7 @@ fn the_full_network_has_the_tensors_of_the_reference() {
 }
 
 #[test]
-fn folded_weights_come_with_normalisations_that_change_nothing() {
+fn folded_weights_come_with_normalizations_that_change_nothing() {
     let mut weights = Weights::random(Architecture::new(Widths::pruned(0.9), Some(Encoder::standard(25))), 3);
     let dict = StateDict::of_weights(&weights);
     assert!(dict.folded);
@@ -108,7 +108,7 @@ fn folded_weights_come_with_normalisations_that_change_nothing() {
     assert!(back.tensors().eq(weights.tensors()), "the same bits when folded again");
 
     // What the network expects of pixels moves into its first convolution.
-    weights.header.input = InputNormalisation::TRAINED;
+    weights.header.input = InputNormalization::TRAINED;
     let moved = StateDict::of_weights(&weights);
     let (before, after) =
         (values(&dict, "basemodel.conv1.conv.weight"), values(&moved, "basemodel.conv1.conv.weight"));

@@ -13,12 +13,12 @@ use crate::{CalibrateArgs, Failure, load};
 /// Shares of the frame before that are tried.
 const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
 
-/// Evidence that must not speak against the target: what the online filter and the colours say. It agrees with so much else that its weight
+/// Evidence that must not speak against the target: what the online filter and the colors say. It agrees with so much else that its weight
 /// could come out below 0, and then a picture that shows nothing speaks for the target.
-const RISING: [&str; 3] = ["response", "contrast", "colours"];
+const RISING: [&str; 3] = ["response", "contrast", "colors"];
 
 /// Evidence that counts only where a lost target is looked for: while one is followed the light may change, which it does not in rendered flights.
-const ONLY_AGAIN: [&str; 1] = ["colours"];
+const ONLY_AGAIN: [&str; 1] = ["colors"];
 
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
@@ -34,7 +34,7 @@ pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let test = collect(&model, &args.flights, args.test_seed)?;
     report("measured on other flights", &presence, &test);
     for (index, name) in EVIDENCE_NAMES.iter().enumerate() {
-        let alone = auroc(&labelled(&test, |s| s.evidence.values[index]));
+        let alone = auroc(&labeled(&test, |s| s.evidence.values[index]));
         println!("AUROC of {name} alone: {}", shown(alone));
     }
     if let Some(path) = &args.text {
@@ -107,8 +107,8 @@ fn rounded(mut presence: Presence) -> Presence {
 /// The model with gain and shift for its memory, and its mean loss.
 fn smooth(mut presence: Presence, memory: f64, flights: &[Samples]) -> (f64, Presence) {
     presence.memory = memory;
-    let labelled = |(odds, sample): (f64, &Sample)| Some(([odds], sample.on?));
-    let odds: Vec<([f64; 1], bool)> = smoothed(&presence, flights).into_iter().filter_map(labelled).collect();
+    let labeled = |(odds, sample): (f64, &Sample)| Some(([odds], sample.on?));
+    let odds: Vec<([f64; 1], bool)> = smoothed(&presence, flights).into_iter().filter_map(labeled).collect();
     let (shift, [gain]) = logistic(&odds, &[]);
     (presence.gain, presence.shift) = (gain.max(0.05), shift);
     (log_loss(&probabilities(&presence, flights)), presence)
@@ -134,7 +134,7 @@ fn probabilities(presence: &Presence, flights: &[Samples]) -> Vec<(f64, bool)> {
     smoothed(presence, flights).into_iter().filter_map(|(odds, s)| Some((probability(odds), s.on?))).collect()
 }
 
-fn labelled(flights: &[Samples], value: impl Fn(&Sample) -> f64) -> Vec<(f64, bool)> {
+fn labeled(flights: &[Samples], value: impl Fn(&Sample) -> f64) -> Vec<(f64, bool)> {
     let samples = flights.iter().flat_map(|f| f.runs.iter().flatten());
     samples.filter_map(|s| Some((value(s), s.on?))).collect()
 }

@@ -143,7 +143,7 @@ fn look_around(
     Ok(())
 }
 
-/// Looks at a picture of one colour, now and then: a covered lens, fog, a broken stream.
+/// Looks at a picture of one color, now and then: a covered lens, fog, a broken stream.
 fn look_at_nothing(
     tracker: &mut FlightTracker,
     index: usize,
@@ -154,8 +154,8 @@ fn look_at_nothing(
         return Ok(());
     }
     let (width, height) = (320, 180);
-    let grey = (index * 37 % 256) as u8;
-    let empty = vec![grey; 3 * width * height];
+    let gray = (index * 37 % 256) as u8;
+    let empty = vec![gray; 3 * width * height];
     let frame = Frame::new(&empty, width, height, ChannelOrder::Rgb)
         .map_err(|error| Failure::Nothing(format!("an empty picture: {error}")))?;
     let target = bbox(&truth.bbox);

@@ -30,7 +30,7 @@ struct Moment {
     state: State,
     believed: bool,
     other: bool,   // the box is on a look-alike
-    outside: bool, // the target's centre is not in the view
+    outside: bool, // the target's center is not in the view
     crossed: bool, // a look-alike's box overlaps the target's
 }
 
@@ -68,10 +68,10 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         let paper: Vec<_> = outcomes.iter().filter(of).map(|o| &o.paper[..]).collect();
         let flight: Vec<_> = outcomes.iter().filter(of).map(|o| &o.flight[..]).collect();
         if !paper.is_empty() && !args.flight_only {
-            summarise(&format!("{label}, paper"), &paper);
+            summarize(&format!("{label}, paper"), &paper);
         }
         if !flight.is_empty() {
-            summarise(&format!("{label}, flight"), &flight);
+            summarize(&format!("{label}, flight"), &flight);
         }
     }
     let all: Vec<_> = outcomes.iter().map(|outcome| &outcome.flight[..]).collect();
@@ -108,9 +108,9 @@ fn moment(
     let track = tracker.update(frame, Budget::Searches(searches))?;
     let iou = track.bbox.iou(&bbox(&truth.bbox));
     let on_other = |b: &BBox| b.iou(&track.bbox) >= ON;
-    let (target, centre) = (bbox(&truth.bbox), bbox(&truth.bbox).center());
+    let (target, center) = (bbox(&truth.bbox), bbox(&truth.bbox).center());
     let within =
-        (0.0..frame.width() as f32).contains(&centre.cx) && (0.0..frame.height() as f32).contains(&centre.cy);
+        (0.0..frame.width() as f32).contains(&center.cx) && (0.0..frame.height() as f32).contains(&center.cy);
     Ok(Moment {
         visible: truth.visible,
         iou,
@@ -212,9 +212,9 @@ fn visible_gone(flights: &[&[Moment]]) -> Vec<(f64, bool)> {
     told.map(|m| (m.presence, m.visible > CLEAR)).collect()
 }
 
-fn summarise(name: &str, flights: &[&[Moment]]) {
+fn summarize(name: &str, flights: &[&[Moment]]) {
     let all = || flights.iter().flat_map(|f| f.iter());
-    let (labelled, gone) = (on_off(flights), visible_gone(flights));
+    let (labeled, gone) = (on_off(flights), visible_gone(flights));
     let share = |of: &dyn Fn(&&Moment) -> bool, hit: &dyn Fn(&&Moment) -> bool| {
         let of: Vec<&Moment> = all().filter(of).collect();
         of.iter().filter(|m| hit(m)).count() as f64 / of.len().max(1) as f64
@@ -228,7 +228,7 @@ fn summarise(name: &str, flights: &[&[Moment]]) {
     let iou = flights.iter().map(|f| mean_iou(f)).sum::<f64>() / flights.len().max(1) as f64;
     let shown = |a: Option<f64>| a.map_or("none".into(), |a| format!("{a:.4}"));
     println!("\n{name}: mean IoU {iou:.3} over {} flights", flights.len());
-    println!("AUROC on/off target {}, visible/gone {}", shown(auroc(&labelled)), shown(auroc(&gone)));
+    println!("AUROC on/off target {}, visible/gone {}", shown(auroc(&labeled)), shown(auroc(&gone)));
     println!("frames on the target but not believed {:.2} %", 100.0 * false_lost);
     println!("frames without the target but believed {:.2} %", 100.0 * missed);
     println!(
@@ -237,7 +237,7 @@ fn summarise(name: &str, flights: &[&[Moment]]) {
     );
     println!("look-alikes that crossed the target and were followed in its place: {crossings}");
     println!("flights locked on another object for {WRONG_FRAMES} frames: {wrong} of {}", flights.len());
-    println!("{}", reliability(&labelled));
+    println!("{}", reliability(&labeled));
 }
 
 #[cfg(test)]

@@ -3,11 +3,11 @@
 use track_cpu::flight::EVIDENCE_COUNT;
 
 const STEPS: usize = 30;
-const RIDGE: f64 = 1e-3; // per sample, on standardised inputs
+const RIDGE: f64 = 1e-3; // per sample, on standardized inputs
 
 /// Bias and weights that predict `y` from `x`; the weights of the inputs in `rising` are not below 0.
 ///
-/// Minimises the mean logistic loss plus `RIDGE` times half the squared weights of the standardised inputs. An input of
+/// Minimizes the mean logistic loss plus `RIDGE` times half the squared weights of the standardized inputs. An input of
 /// `rising` that would weigh less than 0 is left out, the worst first.
 pub fn logistic<const N: usize>(samples: &[([f64; N], bool)], rising: &[usize]) -> (f64, [f64; N]) {
     let mut used = [true; N];

@@ -15,7 +15,7 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
     let presence = presence(args.text.as_ref(), &model)?;
     let folders = find(&args.folder)?;
-    let (mut totals, mut labelled, mut lost) = ([0.0; 2], Vec::new(), (0, 0));
+    let (mut totals, mut labeled, mut lost) = ([0.0; 2], Vec::new(), (0, 0));
     for folder in &folders {
         let truth = annotation(folder)?;
         let mut aucs = [0.0; 2];
@@ -28,9 +28,9 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
                     lost = (lost.0 + usize::from(!seen), lost.1 + 1);
                 }
                 match iou {
-                    None => labelled.push((recover, *presence, false)),
-                    Some(iou) if iou < OFF => labelled.push((recover, *presence, false)),
-                    Some(iou) if iou >= ON => labelled.push((recover, *presence, true)),
+                    None => labeled.push((recover, *presence, false)),
+                    Some(iou) if iou < OFF => labeled.push((recover, *presence, false)),
+                    Some(iou) if iou >= ON => labeled.push((recover, *presence, true)),
                     Some(_) => {}
                 }
             }
@@ -46,7 +46,7 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
     }
     println!("\n{} sequences: AUC paper {:.4}, flight {:.4}", folders.len(), totals[0], totals[1]);
     for (name, recover) in [("paper", false), ("flight", true)] {
-        let samples: Vec<_> = labelled.iter().filter(|l| l.0 == recover).map(|l| (l.1, l.2)).collect();
+        let samples: Vec<_> = labeled.iter().filter(|l| l.0 == recover).map(|l| (l.1, l.2)).collect();
         let off = samples.iter().filter(|s| !s.1).count();
         let area = auroc(&samples).map_or("none".into(), |a| format!("{a:.4}"));
         println!("{name}: AUROC on/off target {area} ({} frames, {off} of them off)", samples.len());

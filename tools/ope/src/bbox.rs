@@ -33,7 +33,7 @@ impl BBox {
         [self.x, self.y, self.w, self.h].iter().all(|v| v.is_finite()) && self.w > 0.0 && self.h > 0.0
     }
 
-    /// The centre, the width counting pixels inclusively: x + (w - 1) / 2.
+    /// The center, the width counting pixels inclusively: x + (w - 1) / 2.
     pub fn center(&self) -> (f64, f64) {
         (self.x + (self.w - 1.0) / 2.0, self.y + (self.h - 1.0) / 2.0)
     }
@@ -52,7 +52,7 @@ impl BBox {
         (intersection / (union + f64::EPSILON)).clamp(0.0, 1.0)
     }
 
-    /// Distance between the centres, horizontally and vertically, in pixels.
+    /// Distance between the centers, horizontally and vertically, in pixels.
     pub fn offset(&self, other: &BBox) -> (f64, f64) {
         let (a, b) = (self.center(), other.center());
         (a.0 - b.0, a.1 - b.1)

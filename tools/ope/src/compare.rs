@@ -119,11 +119,11 @@ impl Comparison {
         first.per_sequence.iter().enumerate().map(row).collect()
     }
 
-    /// Rate of frames within each centre error; the legend says precision at 20 pixels.
+    /// Rate of frames within each center error; the legend says precision at 20 pixels.
     pub fn precision_plot(&self) -> String {
         let axes = Axes {
             title: "Precision",
-            x: "centre error threshold [px]",
+            x: "center error threshold [px]",
             y: "rate of frames",
             x_min: 0.0,
             x_max: (PRECISION_BINS - 1) as f64,

@@ -9,7 +9,7 @@
 //! | result NaN or without area | used as it is | used as it is | the previous frame's | used as it is |
 //! | list of absent frames | not used | dropped, but still divided by | not used | not used |
 //!
-//! pysot takes the error wherever the annotation's *centre* is above 0 in both coordinates, OTB only where all four
+//! pysot takes the error wherever the annotation's *center* is above 0 in both coordinates, OTB only where all four
 //! numbers are. Source: the got10k toolkit 0.1.3, pysot's `statistics.py`, OTB's `calcSeqErrRobust.m`.
 
 use crate::annotations::Annotation;
@@ -20,9 +20,9 @@ use std::borrow::Cow;
 /// A rule by which frames are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Convention {
-    /// The got10k toolkit: annotations with NaN do not count. Normalised precision as LaSOT: the curve's mean.
+    /// The got10k toolkit: annotations with NaN do not count. Normalized precision as LaSOT: the curve's mean.
     Got10k,
-    /// pysot: every frame counts. Normalised precision at 0.20.
+    /// pysot: every frame counts. Normalized precision at 0.20.
     Pysot,
     /// The Matlab code of OTB and UAV123: every frame counts, unusable results are the previous frame's.
     Otb,
@@ -32,10 +32,10 @@ pub enum Convention {
 
 /// How one frame was hit. Under some rules -1 stands for "not comparable": no overlap, and any error threshold holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Judgement {
+pub struct Judgment {
     /// Intersection over union.
     pub overlap: f64,
-    /// Distance of the centres in pixels of the original video.
+    /// Distance of the centers in pixels of the original video.
     pub error: f64,
     /// The same with each component divided by the annotated width or height.
     pub norm_error: f64,
@@ -59,16 +59,16 @@ impl Convention {
     /// The curves of one sequence, `None` if no frame counts; frames that only one of the two has do not.
     pub fn curves(self, annotation: &Annotation, result: &[BBox]) -> Option<Curves> {
         let frames = annotation.boxes.len().min(result.len());
-        let judgements = self.judge(annotation, result);
+        let judgments = self.judge(annotation, result);
         let counted = match self {
-            Convention::Got10k | Convention::Drop => judgements.iter().flatten().count(),
+            Convention::Got10k | Convention::Drop => judgments.iter().flatten().count(),
             Convention::Pysot | Convention::Otb => frames,
         };
-        Curves::of(judgements.into_iter().flatten(), counted)
+        Curves::of(judgments.into_iter().flatten(), counted)
     }
 
     /// How each frame was hit, `None` where it does not count: as many as both have.
-    pub fn judge(self, annotation: &Annotation, result: &[BBox]) -> Vec<Option<Judgement>> {
+    pub fn judge(self, annotation: &Annotation, result: &[BBox]) -> Vec<Option<Judgment>> {
         let result = self.repaired(annotation, result);
         let pairs = annotation.boxes.iter().zip(result.iter());
         let judge = |(i, (annotated, found)): (usize, (&BBox, &BBox))| {
@@ -108,7 +108,7 @@ impl Convention {
         }
     }
 
-    fn judge_frame(self, annotated: &BBox, found: &BBox, scale: f64) -> Judgement {
+    fn judge_frame(self, annotated: &BBox, found: &BBox, scale: f64) -> Judgment {
         let (dx, dy) = found.offset(annotated);
         let (w, h) = match self {
             Convention::Got10k | Convention::Drop => (annotated.w.max(1.0), annotated.h.max(1.0)),
@@ -125,14 +125,14 @@ impl Convention {
             Convention::Otb => (all_positive, all_positive),
         };
         let or_failure = |known: bool, value: f64| if known { value } else { -1.0 };
-        Judgement {
+        Judgment {
             overlap: or_failure(has_overlap, annotated.iou(found)),
             error: or_failure(has_error, dx.hypot(dy) / scale),
             norm_error: or_failure(self.has_norm_error(annotated, has_error), (dx / w).hypot(dy / h)),
         }
     }
 
-    /// Whether the normalised error is known: pysot asks it of the normalised centre, which has the other sign if the
+    /// Whether the normalized error is known: pysot asks it of the normalized center, which has the other sign if the
     /// width is below 0.
     fn has_norm_error(self, annotated: &BBox, has_error: bool) -> bool {
         if self != Convention::Pysot {
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn annotations_at_the_edge() {
-        // The centre is above 0, x is not: pysot measures the error, OTB does not; neither counts an overlap.
+        // The center is above 0, x is not: pysot measures the error, OTB does not; neither counts an overlap.
         let edge = BBox::new(0.0, 10.0, 20.0, 20.0);
         let all = rates(&[GOOD, edge], &[GOOD, edge]);
         assert_eq!(all, [Some((1.0, 1.0)), Some((1.0, 0.5)), Some((1.0, 0.5)), Some((1.0, 1.0))]);
@@ -245,12 +245,12 @@ mod tests {
     }
 
     #[test]
-    fn normalised_error() {
+    fn normalized_error() {
         let found = BBox::new(16.0, 18.0, 20.0, 20.0);
         let wide = BBox::new(10.0, 10.0, 20.0, 40.0);
         for rule in Convention::ALL {
             let judged = rule.judge(&annotation(&[wide, wide]), &[wide, found]);
-            // Centres are 6 and 8 - 10 pixels apart.
+            // Centers are 6 and 8 - 10 pixels apart.
             let expected = (6.0f64 / 20.0).hypot(2.0 / 40.0);
             assert!((judged[1].unwrap().norm_error - expected).abs() < 1e-12);
         }

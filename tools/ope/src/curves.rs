@@ -1,8 +1,8 @@
 //! The curves of one sequence, and their means over sequences.
 
-use crate::convention::{Convention, Judgement};
+use crate::convention::{Convention, Judgment};
 
-/// Thresholds of the precision curve: 0, 1, ... 50 pixels of centre error.
+/// Thresholds of the precision curve: 0, 1, ... 50 pixels of center error.
 pub const PRECISION_BINS: usize = 51;
 /// Thresholds of the success curve: 0, 0.05, ... 1 of overlap.
 pub const SUCCESS_BINS: usize = 21;
@@ -14,9 +14,9 @@ pub const QUOTED_SUCCESS: usize = 10;
 /// Rates of hits over thresholds, in `[0, 1]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curves {
-    /// Rate of frames with a centre error of at most 0, 1, ... 50 pixels.
+    /// Rate of frames with a center error of at most 0, 1, ... 50 pixels.
     pub precision: [f64; PRECISION_BINS],
-    /// Rate of frames with a normalised centre error of at most 0, 0.01, ... 0.5.
+    /// Rate of frames with a normalized center error of at most 0, 0.01, ... 0.5.
     pub norm_precision: [f64; PRECISION_BINS],
     /// Rate of frames with an overlap above 0, 0.05, ... 1.
     pub success: [f64; SUCCESS_BINS],
@@ -34,19 +34,19 @@ impl Curves {
         i as f64 * 0.05
     }
 
-    /// The rates among `frames` frames, of which those in `judgements` may be hits; `None` of no frame.
-    pub fn of(judgements: impl IntoIterator<Item = Judgement>, frames: usize) -> Option<Curves> {
+    /// The rates among `frames` frames, of which those in `judgments` may be hits; `None` of no frame.
+    pub fn of(judgments: impl IntoIterator<Item = Judgment>, frames: usize) -> Option<Curves> {
         if frames == 0 {
             return None;
         }
         let mut curves = Curves::ZERO;
-        for judgement in judgements {
+        for judgment in judgments {
             for i in 0..PRECISION_BINS {
-                curves.precision[i] += f64::from(judgement.error <= i as f64);
-                curves.norm_precision[i] += f64::from(judgement.norm_error <= i as f64 / 100.0);
+                curves.precision[i] += f64::from(judgment.error <= i as f64);
+                curves.norm_precision[i] += f64::from(judgment.norm_error <= i as f64 / 100.0);
             }
             for i in 0..SUCCESS_BINS {
-                curves.success[i] += f64::from(judgement.overlap > Curves::overlap_threshold(i));
+                curves.success[i] += f64::from(judgment.overlap > Curves::overlap_threshold(i));
             }
         }
         curves.scale(1.0 / frames as f64);
@@ -87,7 +87,7 @@ impl Curves {
         self.success[QUOTED_SUCCESS]
     }
 
-    /// Normalised precision: the curve's mean where the toolkit follows LaSOT, otherwise its value at 0.20.
+    /// Normalized precision: the curve's mean where the toolkit follows LaSOT, otherwise its value at 0.20.
     pub fn norm_precision(&self, convention: Convention) -> f64 {
         match convention {
             Convention::Got10k | Convention::Drop => {
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn thresholds() {
-        let at = |error: f64, overlap: f64| Judgement { overlap, error, norm_error: error / 100.0 };
+        let at = |error: f64, overlap: f64| Judgment { overlap, error, norm_error: error / 100.0 };
         let curves = Curves::of([at(20.0, 0.5), at(20.001, 0.501)], 2).unwrap();
         assert_eq!((curves.precision(), curves.precision[21]), (0.5, 1.0)); // at most
         assert_eq!((curves.success_rate(), curves.success[9]), (0.5, 1.0)); // above
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn not_a_number_is_no_hit() {
-        let nan = Judgement { overlap: f64::NAN, error: f64::NAN, norm_error: f64::NAN };
+        let nan = Judgment { overlap: f64::NAN, error: f64::NAN, norm_error: f64::NAN };
         let curves = Curves::of([nan], 1).unwrap();
         assert_eq!((curves.precision[50], curves.success[0], curves.norm_precision[50]), (0.0, 0.0, 0.0));
     }

@@ -12,7 +12,7 @@
 //! | a tracker over a benchmark, ours or another program | [`run`] |
 //! | four passes over each sequence in place of one | [`starts`] |
 //! | this repository's tracker, put near the target in every frame | [`step`] |
-//! | one sequence: overlap and centre error per frame, then curves | [`convention`], [`curves`] |
+//! | one sequence: overlap and center error per frame, then curves | [`convention`], [`curves`] |
 //! | several trackers: tables, plots, a page | [`compare`], [`plot`], [`report`] |
 //! | other toolkits' layouts | [`export`] |
 //! | one tracker on one benchmark: means over sequences, speed | [`score`], [`speed`] |

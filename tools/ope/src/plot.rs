@@ -35,13 +35,13 @@ const TOP: f64 = 38.0;
 const INNER_WIDTH: f64 = WIDTH - LEFT - 22.0;
 const INNER_HEIGHT: f64 = HEIGHT - TOP - 52.0;
 
-/// Colours that are told apart by most eyes (Okabe and Ito), then repeated with dashes.
-const COLOURS: [&str; 8] =
+/// Colors that are told apart by most eyes (Okabe and Ito), then repeated with dashes.
+const COLORS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c8c8c"];
 
-/// The colour of tracker `i`.
-pub fn colour(i: usize) -> &'static str {
-    COLOURS[i % COLOURS.len()]
+/// The color of tracker `i`.
+pub fn color(i: usize) -> &'static str {
+    COLORS[i % COLORS.len()]
 }
 
 /// Curves with a legend at the bottom, at the left or right, where room is.
@@ -49,12 +49,12 @@ pub fn lines(axes: &Axes<'_>, series: &[Series], legend_left: bool) -> String {
     let mut svg = frame(axes);
     for (i, line) in series.iter().enumerate() {
         let points: Vec<String> = line.points.iter().map(|p| place(axes, *p)).collect();
-        let dash = if i < COLOURS.len() { "" } else { " stroke-dasharray=\"6 4\"" };
+        let dash = if i < COLORS.len() { "" } else { " stroke-dasharray=\"6 4\"" };
         let _ = writeln!(
             svg,
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"{dash}/>",
             points.join(" "),
-            colour(i)
+            color(i)
         );
     }
     let x = LEFT + if legend_left { 14.0 } else { INNER_WIDTH * 0.55 };
@@ -63,7 +63,7 @@ pub fn lines(axes: &Axes<'_>, series: &[Series], legend_left: bool) -> String {
     svg + "</svg>\n"
 }
 
-/// One labelled point per series.
+/// One labeled point per series.
 pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
     let mut svg = frame(axes);
     for (i, point) in series.iter().enumerate() {
@@ -76,7 +76,7 @@ pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
                 svg,
                 "<circle cx=\"{x}\" cy=\"{y}\" r=\"6\" fill=\"{}\"/>\
                  <text x=\"{x}\" y=\"{y}\" dx=\"{offset}\" dy=\"-7\" text-anchor=\"{anchor}\">{}</text>",
-                colour(i),
+                color(i),
                 escape(&point.label)
             );
         }
@@ -122,7 +122,7 @@ pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
             svg,
             "<polygon points=\"{}\" fill=\"{1}\" fill-opacity=\"0.08\" stroke=\"{1}\" stroke-width=\"2\"/>",
             ring(&value),
-            colour(s)
+            color(s)
         );
     }
     legend(&mut svg, series, 10.0, TOP);
@@ -241,7 +241,7 @@ fn legend(svg: &mut String, series: &[Series], x: f64, y: f64) {
             svg,
             "<rect x=\"{x}\" y=\"{}\" width=\"18\" height=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"{y}\">{}</text>",
             y - 6.0,
-            colour(i),
+            color(i),
             x + 24.0,
             escape(&line.label)
         );

@@ -48,7 +48,7 @@ pub struct Score {
     pub precision: f64,
     /// Area under the success curve.
     pub auc: f64,
-    /// Normalised precision: the curve's mean under got10k and drop (as LaSOT), its value at 0.20 under pysot and OTB.
+    /// Normalized precision: the curve's mean under got10k and drop (as LaSOT), its value at 0.20 under pysot and OTB.
     pub norm_precision: f64,
     /// Rate of frames with an overlap above one half.
     pub success_rate: f64,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// Speed of a tracker: the timer is around initialisation and update, reading pictures excluded.
+/// Speed of a tracker: the timer is around initialization and update, reading pictures excluded.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Speed {
     /// Mean over sequences of the mean over frames of 1/seconds, the first frame included: the got10k toolkit's rule,

@@ -16,7 +16,7 @@ use track_cpu::{Model, Tracker, TrackerOptions};
 const OFF: f64 = 0.25;
 /// Angle by which the direction changes from frame to frame, in radians.
 const TURN: f64 = 2.4;
-/// Greatest distance of the centres, in sides of the target, at which it counts as found.
+/// Greatest distance of the centers, in sides of the target, at which it counts as found.
 const FOUND: f64 = 0.3;
 
 /// How the steps through one sequence went.

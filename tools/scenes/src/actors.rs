@@ -41,7 +41,7 @@ impl TargetKind {
         }
     }
 
-    /// Usual speed in metres a second.
+    /// Usual speed in meters a second.
     pub(crate) fn speed(self) -> f32 {
         match self {
             TargetKind::Car => 10.0,
@@ -101,11 +101,11 @@ impl Body {
 pub(crate) struct Route {
     pub x: f32,
     pub t: f32,
-    /// Metres a second in x; its sign is the direction.
+    /// Meters a second in x; its sign is the direction.
     pub speed: f32,
-    /// Metres to and fro in x, and its period in seconds.
+    /// Meters to and fro in x, and its period in seconds.
     pub surge: (f32, f32),
-    /// Metres to and fro in t, and its period in seconds.
+    /// Meters to and fro in t, and its period in seconds.
     pub sway: (f32, f32),
     pub phase: f32,
     /// Where someone standing still looks, if not along the line: cosine and sine.

@@ -184,7 +184,7 @@ pub(crate) fn containers(rng: &mut Rng) -> Mesh {
     m
 }
 
-/// A lamp post with its arm over the road (towards +y).
+/// A lamp post with its arm over the road (toward +y).
 pub(crate) fn lamp() -> Mesh {
     let mut m = Mesh::default();
     let metal = coat([150.0, 154.0, 156.0], 0.2);

@@ -3,10 +3,10 @@
 use crate::math::{V3, cos_turns, lerp, sin_turns, smooth_step, v3};
 use crate::rng::Rng;
 
-/// Nearest depth that is projected, in metres.
+/// Nearest depth that is projected, in meters.
 const NEAR: f32 = 0.5;
 
-/// A pinhole camera: position, an orthonormal basis, and focal length and centre in pixels.
+/// A pinhole camera: position, an orthonormal basis, and focal length and center in pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Camera {
     pub position: V3,
@@ -14,24 +14,24 @@ pub(crate) struct Camera {
     pub down: V3,
     pub forward: V3,
     pub focal: f32,
-    pub centre: (f32, f32),
+    pub center: (f32, f32),
 }
 
 impl Camera {
-    /// Pixel x, pixel y (edges at whole numbers) and depth in metres.
+    /// Pixel x, pixel y (edges at whole numbers) and depth in meters.
     #[inline(always)]
     pub fn project(&self, p: V3) -> (f32, f32, f32) {
         let d = p - self.position;
         let depth = d.dot(self.forward).max(NEAR);
         let k = self.focal / depth;
-        (self.centre.0 + k * d.dot(self.right), self.centre.1 + k * d.dot(self.down), depth)
+        (self.center.0 + k * d.dot(self.right), self.center.1 + k * d.dot(self.down), depth)
     }
 
     /// Direction through a pixel position, not of unit length (its depth is 1).
     pub fn ray(&self, x: f32, y: f32) -> V3 {
         self.forward
-            + self.right * ((x - self.centre.0) / self.focal)
-            + self.down * ((y - self.centre.1) / self.focal)
+            + self.right * ((x - self.center.0) / self.focal)
+            + self.down * ((y - self.center.1) / self.focal)
     }
 
     /// Where the ray through a pixel meets the ground. Rays near or above the horizon are bent down to 5 degrees below.
@@ -69,7 +69,7 @@ pub(crate) struct Exit {
 /// A closed-form flight plan: the pose at any time, given where the target is.
 pub(crate) struct Plan {
     pub manner: Manner,
-    /// Distance to the target at the start, in metres.
+    /// Distance to the target at the start, in meters.
     pub distance: f32,
     pub focal: f32,
     pub size: (f32, f32),
@@ -101,7 +101,7 @@ impl Plan {
         gust * (0.45 * wave(1.7, k) + 0.35 * wave(4.1, k + 1) + 0.25 * wave(9.3, k + 2))
     }
 
-    /// The pose at a time, looking so that `target` (a point in metres) lands where the plan wants it in the view.
+    /// The pose at a time, looking so that `target` (a point in meters) lands where the plan wants it in the view.
     pub fn pose(&self, seconds: f32, target: V3) -> Camera {
         let m = &self.manner;
         let swing = |k, period| self.sway(k, seconds, period) - self.sway(k, 0.0, period);
@@ -143,8 +143,8 @@ impl Plan {
         let down = forward.cross(right);
         let (cos, sin) = (cos_turns(roll), sin_turns(roll));
         let (right, down) = (right * cos + down * sin, down * cos - right * sin);
-        let centre = (self.size.0 * 0.5, self.size.1 * 0.5);
-        Camera { position, right, down, forward, focal: self.focal, centre }
+        let center = (self.size.0 * 0.5, self.size.1 * 0.5);
+        Camera { position, right, down, forward, focal: self.focal, center }
     }
 }
 

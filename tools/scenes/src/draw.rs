@@ -203,7 +203,7 @@ impl Flight {
         }
         let (length, count) = if boat { (3.2, 150) } else { (1.1, 26) };
         let slant = (-camera.forward.z).clamp(0.3, 1.0);
-        let centre_x = self.actors[0].route.x_at(seconds);
+        let center_x = self.actors[0].route.x_at(seconds);
         let color =
             if boat { [236.0, 241.0, 242.0] } else { mix(self.palette.soil, self.palette.haze, 0.55) };
         let back = match &a.body {
@@ -214,7 +214,7 @@ impl Flight {
             let age = length * (i as f32 + 0.5) / count as f32;
             let then = seconds - age - if boat { back * 0.2 } else { back };
             let mut p = a.route.at(&self.land, then);
-            p.x = nearest_copy(p.x, centre_x);
+            p.x = nearest_copy(p.x, center_x);
             let (cos, sin) = a.route.heading(&self.land, then);
             // Each bit of foam keeps its place on the water while it ages.
             let id = (then * count as f32 / length).floor() as i32;

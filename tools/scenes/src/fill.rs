@@ -2,7 +2,7 @@
 
 use crate::math::ceil;
 
-/// Calls `row(y, first, end)` for every row in which the convex polygon covers pixel centres, within `width` x `height`.
+/// Calls `row(y, first, end)` for every row in which the convex polygon covers pixel centers, within `width` x `height`.
 #[inline(always)]
 pub(crate) fn polygon<const N: usize>(
     corners: &[(f32, f32); N],
@@ -34,22 +34,22 @@ pub(crate) fn polygon<const N: usize>(
     }
 }
 
-/// Calls `row(y, first, end)` for every row in which the ellipse covers pixel centres.
+/// Calls `row(y, first, end)` for every row in which the ellipse covers pixel centers.
 #[inline(always)]
 pub(crate) fn ellipse(
-    centre: (f32, f32),
+    center: (f32, f32),
     radius: (f32, f32),
     width: usize,
     height: usize,
     mut row: impl FnMut(usize, usize, usize),
 ) {
-    let first = ceil(centre.1 - radius.1 - 0.5);
-    let end = ceil(centre.1 + radius.1 - 0.5).min(height);
+    let first = ceil(center.1 - radius.1 - 0.5);
+    let end = ceil(center.1 + radius.1 - 0.5).min(height);
     for y in first..end {
-        let v = (y as f32 + 0.5 - centre.1) / radius.1;
+        let v = (y as f32 + 0.5 - center.1) / radius.1;
         let half = radius.0 * (1.0 - v * v).max(0.0).sqrt();
-        let from = ceil(centre.0 - half - 0.5);
-        let to = ceil(centre.0 + half - 0.5).min(width);
+        let from = ceil(center.0 - half - 0.5);
+        let to = ceil(center.0 + half - 0.5).min(width);
         if from < to {
             row(y, from, to);
         }

@@ -24,7 +24,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Trees on a jittered grid of the given spacing, each with a chance, `clear` metres off roads and water.
+    /// Trees on a jittered grid of the given spacing, each with a chance, `clear` meters off roads and water.
     fn scatter(&mut self, spacing: f32, chance: f32, clear: f32, ok: impl Fn(f32, f32) -> bool) {
         let conifers = [0.0, 0.15, 0.6, 0.95][self.rng.below(4)];
         let width = (self.extent.x.1 - self.extent.x.0 + 24.0).min(PERIOD);
@@ -220,12 +220,12 @@ impl Builder<'_> {
                     let kind = if self.rng.chance(0.15) { TargetKind::Van } else { TargetKind::Car };
                     self.park(kind, x, side * (street.half - 1.05), false);
                 }
-                let kerb = side * (street.half + street.walk + 0.9);
+                let curb = side * (street.half + street.walk + 0.9);
                 if i % 2 == 0 && self.rng.chance(0.6) {
                     let tree = Tree::round(&mut self.rng, CROWNS);
                     self.tree(
                         x + 3.0,
-                        kerb,
+                        curb,
                         Tree { radius: tree.radius * 0.62, height: tree.height * 0.8 + 0.8, ..tree },
                     );
                 }

@@ -1,11 +1,11 @@
-//! The painted ground: what every square decimetre of the country looks like from above, before anything stands on it.
+//! The painted ground: what every square decimeter of the country looks like from above, before anything stands on it.
 
 use crate::land::{Land, PERIOD, Paving, Road, nearest_copy};
 use crate::math::{Rgb, floor, mix, scaled, smooth_step, wrap};
 use crate::palette::{Biome, Palette};
 use crate::rng::{NOISE_SIDE, Noise, hash_unit};
 
-/// Paints one texel at a time. Coordinates and texel size in metres.
+/// Paints one texel at a time. Coordinates and texel size in meters.
 pub(crate) struct Painter<'a> {
     pub land: &'a Land,
     pub palette: &'a Palette,
@@ -42,7 +42,7 @@ impl<'a> Painter<'a> {
         Painter { land, palette, texel, salt, noise: Noise::table(), detail, shift }
     }
 
-    /// Noise whose coarsest features are 96 / `m` metres wide; it repeats with the country.
+    /// Noise whose coarsest features are 96 / `m` meters wide; it repeats with the country.
     fn noise(&self, x: f32, y: f32, m: f32) -> f32 {
         let k = m * NOISE_SIDE as f32 / PERIOD;
         self.noise.at(x * k + self.shift.0 + m, y * k + self.shift.1)
@@ -56,7 +56,7 @@ impl<'a> Painter<'a> {
         Column { x, line: self.land.line(x), scale: 1.0 / (1.0 + slope * slope).sqrt(), across }
     }
 
-    /// Colour (unlit by any shadow) and share of open water, at a world point.
+    /// Color (unlit by any shadow) and share of open water, at a world point.
     pub fn paint(&self, column: &Column, y: f32) -> (Rgb, f32) {
         let (x, t) = (column.x, (y - column.line) * column.scale);
         let slow = self.noise(x, y, 2.0);
@@ -197,7 +197,7 @@ impl<'a> Painter<'a> {
         let Some(w) = self.land.water else { return (self.grass(s), 0.0) };
         let p = self.palette;
         let ragged = if w.quay { 0.0 } else { 3.0 * s.slow + 1.6 * s.middle };
-        // Metres out from the near bank, or from the far one where that is nearer.
+        // Meters out from the near bank, or from the far one where that is nearer.
         let out = (s.t - w.from + ragged).min(w.to - s.t + 3.0 * s.slow + 1.6 * s.middle);
         let near = s.t < w.from + 20.0;
         if out > 0.0 {
@@ -248,12 +248,12 @@ impl<'a> Painter<'a> {
         scaled(self.palette.asphalt, k * (1.0 + 0.05 * s.middle + 0.06 * s.fine + 0.05 * s.grain))
     }
 
-    /// Coverage of a painted line `width` metres wide whose middle is `d` metres away.
+    /// Coverage of a painted line `width` meters wide whose middle is `d` meters away.
     fn line(&self, d: f32, width: f32) -> f32 {
         ((0.5 * width - d.abs()) / self.texel + 0.5).clamp(0.0, (width / self.texel).min(1.0))
     }
 
-    /// Lays a road over what is there: `d` metres to the side of its middle, `s` metres along.
+    /// Lays a road over what is there: `d` meters to the side of its middle, `s` meters along.
     #[allow(clippy::too_many_arguments)]
     fn road(&self, c: &mut Rgb, water: &mut f32, spot: &Spot, r: &Road, d: f32, s: f32, junction: bool) {
         let a = d.abs();
@@ -347,7 +347,7 @@ impl<'a> Painter<'a> {
         if junction || a > r.half - 0.25 {
             return 0.0;
         }
-        // Metres from the middle of the nearest crossing road.
+        // Meters from the middle of the nearest crossing road.
         let along = self.land.along.iter().any(|k| k.at == r.at && k.half == r.half);
         let off = if along { wrap(s - 0.5 * gap, gap) } else { wrap(s, depth) };
         let off = off.min(if along { gap } else { depth } - off);
@@ -360,7 +360,7 @@ impl<'a> Painter<'a> {
     }
 }
 
-/// Width of a garden plot in metres.
+/// Width of a garden plot in meters.
 pub(crate) const PLOT: f32 = 16.0;
 
 /// What a block of a town holds.
@@ -375,7 +375,7 @@ pub(crate) enum BlockKind {
 pub(crate) struct Block {
     pub id: i32,
     pub kind: BlockKind,
-    /// Metres from the block's corner.
+    /// Meters from the block's corner.
     pub x: f32,
     pub t: f32,
 }

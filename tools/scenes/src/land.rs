@@ -1,13 +1,13 @@
 //! The plan of the country: a winding main line with roads beside and across it, and what lies where.
 //!
-//! Places are given as (x, t): x along the world, t metres to the left of the main line. The plan repeats in x after
-//! [`PERIOD`] metres, so that a flight may be as long as it likes.
+//! Places are given as (x, t): x along the world, t meters to the left of the main line. The plan repeats in x after
+//! [`PERIOD`] meters, so that a flight may be as long as it likes.
 
 use crate::math::{V3, cos_turns, floor, sin_turns, v3};
 use crate::palette::Biome;
 use crate::rng::Rng;
 
-/// Metres after which the country repeats in x.
+/// Meters after which the country repeats in x.
 pub(crate) const PERIOD: f32 = 768.0;
 
 /// `x` moved by whole periods to lie as near as possible to `near`.
@@ -163,7 +163,7 @@ impl Land {
         (p.y - self.line(p.x)) / (1.0 + slope * slope).sqrt()
     }
 
-    /// Metres from (x, t) to the nearest road's or water's edge; negative on them.
+    /// Meters from (x, t) to the nearest road's or water's edge; negative on them.
     pub fn clearance(&self, x: f32, t: f32) -> f32 {
         let mut least = f32::MAX;
         for r in &self.along {

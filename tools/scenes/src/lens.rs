@@ -10,7 +10,7 @@ const DEVIATES: usize = 1 << 14;
 /// Pixels that take their noise from one stretch of the table.
 const STRETCH: usize = 256;
 
-/// Noise for RGB pixels with standard deviation 32: mostly of the light, some of each colour.
+/// Noise for RGB pixels with standard deviation 32: mostly of the light, some of each color.
 fn deviates() -> &'static [i8] {
     static TABLE: OnceLock<Vec<i8>> = OnceLock::new();
     TABLE.get_or_init(|| {

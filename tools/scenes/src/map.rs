@@ -14,7 +14,7 @@ const LEVELS: usize = 4;
 /// Pixels between exact perspective divisions; positions between them are interpolated.
 const SPAN: usize = 32;
 
-/// A rectangle of ground in metres.
+/// A rectangle of ground in meters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
     pub x: (f32, f32),
@@ -22,7 +22,7 @@ pub(crate) struct Extent {
 }
 
 struct Level {
-    /// Packed colours, the fourth byte the share of open water; one column and row more than it counts, wrapped round.
+    /// Packed colors, the fourth byte the share of open water; one column and row more than it counts, wrapped round.
     texels: Vec<u32>,
     nx: usize,
     ny: usize,
@@ -40,12 +40,12 @@ pub(crate) struct Map {
 }
 
 impl Map {
-    /// An empty map of an area, with texels of about the given size in metres (larger if the area is).
+    /// An empty map of an area, with texels of about the given size in meters (larger if the area is).
     pub fn new(extent: Extent, texel: f32) -> Map {
         let width = (extent.x.1 - extent.x.0).clamp(8.0, PERIOD);
         let height = (extent.y.1 - extent.y.0).clamp(8.0, 2.0 * PERIOD);
         let texel = texel.max((width * height / MOST_TEXELS).sqrt());
-        let round = |metres: f32| ((metres / texel / 8.0).ceil() as usize).max(1) * 8;
+        let round = |meters: f32| ((meters / texel / 8.0).ceil() as usize).max(1) * 8;
         let (nx, ny) = (round(width), round(height));
         // A map of the whole period must repeat exactly.
         let texel = if width >= PERIOD { PERIOD / nx as f32 } else { texel };

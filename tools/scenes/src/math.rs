@@ -1,9 +1,9 @@
-//! Vectors, colours and a sine that gives the same bits on every machine.
+//! Vectors, colors and a sine that gives the same bits on every machine.
 
 use std::f32::consts::TAU;
 use std::ops::{Add, Mul, Sub};
 
-/// A point or direction in metres: x and y on the ground, z up.
+/// A point or direction in meters: x and y on the ground, z up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct V3 {
     pub x: f32,
@@ -120,7 +120,7 @@ pub(crate) fn scaled(c: Rgb, k: f32) -> Rgb {
     [c[0] * k, c[1] * k, c[2] * k]
 }
 
-/// Packs a colour as 0xAABBGGRR, clamping each channel.
+/// Packs a color as 0xAABBGGRR, clamping each channel.
 pub(crate) fn pack(c: Rgb, alpha: u32) -> u32 {
     let byte = |v: f32| (v + 0.5).clamp(0.0, 255.0) as u32;
     byte(c[0]) | byte(c[1]) << 8 | byte(c[2]) << 16 | alpha << 24
@@ -139,13 +139,13 @@ pub(crate) fn lerp_packed(a: u32, b: u32, t: u32) -> u32 {
 /// The low byte of every 16-bit lane.
 const LANES: u64 = 0x00ff_00ff_00ff_00ff;
 
-/// A packed colour with a 16-bit lane for each byte, so that all four can be weighed in one multiplication.
+/// A packed color with a 16-bit lane for each byte, so that all four can be weighed in one multiplication.
 #[inline(always)]
 pub(crate) fn spread(c: u32) -> u64 {
     u64::from(c & 0x00ff_00ff) | u64::from(c & 0xff00_ff00) << 24
 }
 
-/// The packed colour of [`spread`] lanes.
+/// The packed color of [`spread`] lanes.
 #[inline(always)]
 pub(crate) fn gathered(lanes: u64) -> u32 {
     lanes as u32 & 0x00ff_00ff | (lanes >> 24) as u32 & 0xff00_ff00
@@ -157,7 +157,7 @@ pub(crate) fn lerp_lanes(a: u64, b: u64, t: u32) -> u64 {
     (a * u64::from(256 - t) + b * u64::from(t)) >> 8 & LANES
 }
 
-/// The mean of four neighbouring texels, weighed by the place between them (`a` across, `b` down, 0..256), as lanes.
+/// The mean of four neighboring texels, weighed by the place between them (`a` across, `b` down, 0..256), as lanes.
 #[inline(always)]
 pub(crate) fn bilinear(top: &[u32], low: &[u32], a: u32, b: u32) -> u64 {
     let both = (a * b) >> 8;
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn lanes_hold_a_colour_and_corners_are_exact() {
+    fn lanes_hold_a_color_and_corners_are_exact() {
         let (c, d) = (0x8012_fe7f, 0xffff_ffff);
         assert_eq!(gathered(spread(c)), c);
         assert_eq!(gathered(lerp_lanes(spread(c), spread(d), 256)), d);

@@ -1,4 +1,4 @@
-//! Things made of flat quads, in metres around their own middle on the ground: x forward, y left, z up.
+//! Things made of flat quads, in meters around their own middle on the ground: x forward, y left, z up.
 
 use crate::math::{Rgb, V3, cos_turns, lerp, scaled, sin_turns, v3};
 
@@ -32,7 +32,7 @@ pub(crate) fn ring(back: f32, front: f32, half: f32, z: f32) -> Ring {
     Ring { back, front, half, z_back: z, z_front: z }
 }
 
-/// Colours of a block's faces.
+/// Colors of a block's faces.
 #[derive(Clone, Copy)]
 pub(crate) struct Coat {
     pub side: Rgb,
@@ -42,7 +42,7 @@ pub(crate) struct Coat {
     pub gloss: f32,
 }
 
-/// One colour all over.
+/// One color all over.
 pub(crate) fn coat(color: Rgb, gloss: f32) -> Coat {
     Coat { side: color, front: color, back: color, top: color, gloss }
 }
@@ -134,8 +134,8 @@ impl Mesh {
             let side =
                 [p(i, radius.0, z.0), p(i + 1, radius.0, z.0), p(i + 1, radius.1, z.1), p(i, radius.1, z.1)];
             self.quad(side, inside, color, 0.15);
-            let centre = v3(0.0, 0.0, z.1);
-            self.quad([centre, p(i, radius.1, z.1), p(i + 1, radius.1, z.1), centre], inside, color, 0.1);
+            let center = v3(0.0, 0.0, z.1);
+            self.quad([center, p(i, radius.1, z.1), p(i + 1, radius.1, z.1), center], inside, color, 0.1);
         }
     }
 
@@ -163,7 +163,7 @@ impl Mesh {
     }
 }
 
-/// A colour of the same hue, lighter or darker.
+/// A color of the same hue, lighter or darker.
 pub(crate) fn tone(color: Rgb, k: f32) -> Rgb {
     scaled(color, k).map(|v| v.min(255.0))
 }

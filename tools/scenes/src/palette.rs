@@ -1,4 +1,4 @@
-//! The colours and the light of one flight: biome, season and sun chosen from the seed.
+//! The colors and the light of one flight: biome, season and sun chosen from the seed.
 
 use crate::math::{Rgb, V3, mix, scaled, v3};
 use crate::rng::Rng;
@@ -6,7 +6,7 @@ use crate::rng::Rng;
 /// What kind of country the flight is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Biome {
-    /// Ploughed and green fields, a country road, scattered farms.
+    /// Plowed and green fields, a country road, scattered farms.
     Farmland,
     /// Streets with pavements, houses, gardens, parked cars.
     Town,
@@ -26,7 +26,7 @@ impl Biome {
         [Biome::Farmland, Biome::Town, Biome::Coast, Biome::Forest, Biome::Park, Biome::Highway];
 }
 
-/// Colours of the ground and of leaves, and the light on them.
+/// Colors of the ground and of leaves, and the light on them.
 pub(crate) struct Palette {
     pub grass: [Rgb; 2],
     pub crops: [Rgb; 6],
@@ -39,11 +39,11 @@ pub(crate) struct Palette {
     pub shallow: Rgb,
     pub leaves: [Rgb; 4],
     pub needles: Rgb,
-    /// Towards the sun.
+    /// Toward the sun.
     pub sun: V3,
     /// Share of the light on level ground that comes straight from the sun, 0..1.
     pub direct: f32,
-    /// Colour of that light: multiplies a surface's own colour.
+    /// Color of that light: multiplies a surface's own color.
     pub tint: Rgb,
     pub haze: Rgb,
 }
@@ -120,7 +120,7 @@ impl Palette {
         (1.0 - self.direct) * (0.74 + 0.26 * normal.z) + self.direct * sun.min(1.45)
     }
 
-    /// A colour as lit in the shade of something, `shade` 0 (none)..1 (full).
+    /// A color as lit in the shade of something, `shade` 0 (none)..1 (full).
     pub fn shaded(&self, c: Rgb, shade: f32) -> Rgb {
         let k = shade * self.direct;
         [c[0] * (1.0 - 0.92 * k), c[1] * (1.0 - 0.88 * k), c[2] * (1.0 - 0.78 * k)]

@@ -14,7 +14,7 @@ const MOST_SIDE: usize = 4096;
 pub(crate) struct Frame {
     pub width: usize,
     pub height: usize,
-    /// Packed colours, row-major.
+    /// Packed colors, row-major.
     pub pixels: Vec<u32>,
     pub mask: Option<Mask>,
     depth: Vec<f32>,
@@ -74,7 +74,7 @@ pub(crate) struct Stand {
     pub haze: f32,
 }
 
-/// A crown as seen in one frame: colours premultiplied by coverage.
+/// A crown as seen in one frame: colors premultiplied by coverage.
 pub(crate) struct Sprite {
     side: usize,
     /// Pixels to the crown's radius.
@@ -194,14 +194,14 @@ impl Frame {
     }
 
     /// A soft spot on the ground (foam, dust): strongest in the middle, 0 at the edge.
-    pub fn spot(&mut self, centre: (f32, f32), radius: (f32, f32), color: Rgb, strength: f32) {
+    pub fn spot(&mut self, center: (f32, f32), radius: (f32, f32), color: Rgb, strength: f32) {
         let radius = (radius.0.clamp(0.5, 300.0), radius.1.clamp(0.5, 300.0));
         let (packed, width) = (pack(color, 0), self.width);
         let pixels = &mut self.pixels;
-        fill::ellipse(centre, radius, width, self.height, |y, a, b| {
-            let v = (y as f32 + 0.5 - centre.1) / radius.1;
+        fill::ellipse(center, radius, width, self.height, |y, a, b| {
+            let v = (y as f32 + 0.5 - center.1) / radius.1;
             for x in a..b {
-                let u = (x as f32 + 0.5 - centre.0) / radius.0;
+                let u = (x as f32 + 0.5 - center.0) / radius.0;
                 let fade = (1.0 - u * u - v * v).max(0.0);
                 let pixel = &mut pixels[y * width + x];
                 *pixel = lerp_packed(*pixel, packed, (fade * strength * 256.0) as u32);
@@ -209,7 +209,7 @@ impl Frame {
         });
     }
 
-    /// Draws a crown of about one metre radius as the camera sees it from afar, `scale` pixels to its metre.
+    /// Draws a crown of about one meter radius as the camera sees it from afar, `scale` pixels to its meter.
     pub fn sprite(&mut self, crown: &Crown, camera: &Camera, scale: f32) -> Sprite {
         let scale = scale.clamp(2.0, 160.0);
         let side = (scale * 2.6) as usize + 4;
@@ -265,19 +265,19 @@ impl Frame {
     }
 
     /// Stamps a sprite with its middle at a pixel position, its crown `radius` pixels in radius.
-    pub fn stamp(&mut self, sprite: &Sprite, centre: (f32, f32), radius: f32, haze: (Rgb, f32)) {
+    pub fn stamp(&mut self, sprite: &Sprite, center: (f32, f32), radius: f32, haze: (Rgb, f32)) {
         let scale = radius / sprite.scale;
         let half = 0.5 * sprite.side as f32 * scale;
-        let x0 = (centre.0 - half).floor().max(0.0) as usize;
-        let y0 = (centre.1 - half).floor().max(0.0) as usize;
-        let x1 = ((centre.0 + half).ceil().max(0.0) as usize).min(self.width);
-        let y1 = ((centre.1 + half).ceil().max(0.0) as usize).min(self.height);
+        let x0 = (center.0 - half).floor().max(0.0) as usize;
+        let y0 = (center.1 - half).floor().max(0.0) as usize;
+        let x1 = ((center.0 + half).ceil().max(0.0) as usize).min(self.width);
+        let y1 = ((center.1 + half).ceil().max(0.0) as usize).min(self.height);
         let inverse = 1.0 / scale;
         let step = (inverse * 65536.0) as i32;
         let (haze_color, haze_share) = (spread(pack(haze.0, 255)), (haze.1 * 256.0) as u32);
         let hides = self.mask.as_ref().is_some_and(|m| m.meets(x0 as i32, y0 as i32, x1 as i32, y1 as i32));
         for y in y0..y1 {
-            let v = (y as f32 + 0.5 - centre.1 + half) * inverse - 0.5;
+            let v = (y as f32 + 0.5 - center.1 + half) * inverse - 0.5;
             if v < 0.0 {
                 continue;
             }
@@ -287,14 +287,14 @@ impl Frame {
             }
             let (s0, s1) = (sprite.spans[j], sprite.spans[j + 1]);
             let span = (f32::from(s0.0.min(s1.0)), f32::from(s0.1.max(s1.1)));
-            let left = x0.max((centre.0 - half + span.0 * scale - scale - 1.0).max(0.0) as usize);
-            let right = x1.min((centre.0 - half + span.1 * scale + scale + 1.0).max(0.0) as usize);
+            let left = x0.max((center.0 - half + span.0 * scale - scale - 1.0).max(0.0) as usize);
+            let right = x1.min((center.0 - half + span.1 * scale + scale + 1.0).max(0.0) as usize);
             let (top, low) = (
                 &sprite.pixels[j * sprite.side..][..sprite.side],
                 &sprite.pixels[(j + 1) * sprite.side..][..sprite.side],
             );
             let pixels = &mut self.pixels[y * self.width..][..self.width];
-            let mut u = (((left as f32 + 0.5 - centre.0 + half) * inverse - 0.5) * 65536.0) as i32;
+            let mut u = (((left as f32 + 0.5 - center.0 + half) * inverse - 0.5) * 65536.0) as i32;
             for (x, pixel) in pixels.iter_mut().enumerate().take(right).skip(left) {
                 let (i, a) = ((u >> 16) as usize, (u >> 8 & 255) as u32);
                 u = u.wrapping_add(step);
@@ -359,7 +359,7 @@ impl Frame {
         });
     }
 
-    /// Sum of the covered samples' colours in a pixel of the region, and their number.
+    /// Sum of the covered samples' colors in a pixel of the region, and their number.
     #[inline(always)]
     fn gather<const N: usize>(&self, region: &Region, i: usize, j: usize) -> ([u32; 3], u32) {
         let (mut even, mut green, mut covered) = (0, 0, 0);

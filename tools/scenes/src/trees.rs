@@ -12,7 +12,7 @@ pub(crate) struct Tuft {
     pub color: Rgb,
 }
 
-/// A crown around its own middle, about one metre in radius.
+/// A crown around its own middle, about one meter in radius.
 pub(crate) struct Crown {
     pub tufts: Vec<Tuft>,
 }
@@ -22,7 +22,7 @@ pub(crate) struct Crown {
 pub(crate) struct Tree {
     /// Index of the crown.
     pub crown: usize,
-    /// Radius of the widest crown in metres.
+    /// Radius of the widest crown in meters.
     pub radius: f32,
     /// Height of the middle of the lowest crown.
     pub height: f32,
@@ -61,7 +61,7 @@ impl Tree {
     }
 }
 
-/// Makes a flight's crowns: broad-leaved ones of varied shape and colour, then one of needles.
+/// Makes a flight's crowns: broad-leaved ones of varied shape and color, then one of needles.
 pub(crate) fn crowns(rng: &mut Rng, palette: &Palette, broad: usize) -> Vec<Crown> {
     let mut all: Vec<Crown> = (0..broad).map(|i| crown(rng, palette, palette.leaves[i % 4], false)).collect();
     all.push(crown(rng, palette, palette.needles, true));

@@ -14,7 +14,7 @@ use weights_format::{Storage, TrackerParams, Weights};
 
 /// `fit`.
 pub fn fit(args: &args::Fit) -> Result<(), Error> {
-    let run = args.behaviour.run_options(&args.out, args.validate_minutes)?;
+    let run = args.behavior.run_options(&args.out, args.validate_minutes)?;
     let init = args.init.as_ref().map(|path| Fit::open(path)).transpose()?;
     let mut fit = match &args.resume {
         Some(checkpoint) => Fit::resume(checkpoint)?,
@@ -60,7 +60,7 @@ pub fn prune(args: &args::Prune) -> Result<(), Error> {
 /// `sweep`.
 pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
     let ratios = args.ratios()?;
-    let run = args.behaviour.run_options(&args.out, f64::MAX)?;
+    let run = args.behavior.run_options(&args.out, f64::MAX)?;
     let mut source = Fit::open(&args.init)?;
     let options = args.training.options(Some(source.network().architecture()), args.data.seed)?;
     let options = args::comparable(options)?;
@@ -71,7 +71,7 @@ pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
 
 /// `ablate`.
 pub fn ablate(args: &args::Ablate) -> Result<(), Error> {
-    let run = args.behaviour.run_options(&args.out, f64::MAX)?;
+    let run = args.behavior.run_options(&args.out, f64::MAX)?;
     let options = args::comparable(args.training.options(None, args.data.seed)?)?;
     let study = ablation(&options, &args.data.data, &args.data.options()?, &args.seeds, &args.variants);
     finish(&study, &run)
@@ -134,7 +134,7 @@ pub fn quantize(args: args::Measure) -> Result<(), Error> {
     })
 }
 
-/// What is learnt while tracking, and where its share stands, in the order of tuning.
+/// What is learned while tracking, and where its share stands, in the order of tuning.
 type Share = (&'static str, fn(&mut TrackerParams, f64));
 const WHILE_TRACKING: [Share; 2] = [
     ("template update", |tracker, share| tracker.template_update = share),

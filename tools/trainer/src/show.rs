@@ -13,7 +13,7 @@ const GAP: u32 = 4;
 /// Writes `sheets` contact sheets of 24 pairs each into `folder`, from sample number `first` on; the files' paths.
 ///
 /// A pair is shown as its template above the template of the search picture, and the search crop with the target's box: green,
-/// or red for a negative pair. The bar beside them has a colour per source.
+/// or red for a negative pair. The bar beside them has a color per source.
 ///
 /// # Errors
 /// If a file cannot be written.

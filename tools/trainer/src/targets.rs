@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn negative_pairs_are_relabelled_and_only_that() {
+    fn negative_pairs_are_relabeled_and_only_that() {
         let corners = [100.0, 100.0, 200.0, 180.0];
         let both = Targets::new(&[(corners, false), (corners, true)], cells(303));
         let (positive, negative) = both.labels.data().split_at(289);

@@ -42,7 +42,7 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     None
 }
 
-/// A few pictures of coloured rectangles with boxes, as an annotation file.
+/// A few pictures of colored rectangles with boxes, as an annotation file.
 pub fn pictures(folder: &Folder) -> String {
     let mut text = String::from("path,x,y,w,h\n");
     for i in 0..6u32 {

@@ -31,7 +31,7 @@ enum Clip {
 /// Accuracy on one clip, or the mean over clips; in percent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Accuracy {
-    /// Share of frames whose centre is at most 20 pixels off.
+    /// Share of frames whose center is at most 20 pixels off.
     pub precision: f64,
     /// Mean of the success rates at 21 thresholds of the IoU.
     pub auc: f64,

@@ -41,7 +41,7 @@ pub enum Region {
     Rectangle(Rectangle),
     /// `x,y,x,y,...` of three points or more.
     ///
-    /// Four points become the box of the same centre that has the proportions of the box around them and an area between
+    /// Four points become the box of the same center that has the proportions of the box around them and an area between
     /// that one's and theirs, as trackers of the VOT challenges take it (spec section 4.5); others the box around them.
     Polygon(Rectangle),
     /// `mask:x,y,w,h,runs...`: an offset, a size and run lengths row by row, outside and inside in turn, outside first.

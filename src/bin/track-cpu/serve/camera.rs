@@ -15,7 +15,7 @@ const PLAIN: [(FourCc, PixelFormat); 5] = [
     (FourCc::from_fourcc(*b"NV12"), PixelFormat::Nv12),
     (FourCc::BGR3, PixelFormat::Bgr24),
     (FourCc::RGB3, PixelFormat::Rgb24),
-    (FourCc::from_fourcc(*b"GREY"), PixelFormat::Gray),
+    (FourCc::from_fourcc(*b"GRAY"), PixelFormat::Gray),
 ];
 
 /// Delivers frames until the camera fails (an error) or nobody wants them.

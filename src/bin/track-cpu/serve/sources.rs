@@ -219,7 +219,7 @@ mod tests {
         assert_eq!((config.seed, config.width, config.height, config.frames), (3, 320, 180, 40));
         assert_eq!(config.difficulty, Difficulty::Hard);
         assert!(parse_flight("").is_ok());
-        for bad in ["seed=x", "size=1x1", "size=9", "frames=0", "colour=red", "difficulty=mad"] {
+        for bad in ["seed=x", "size=1x1", "size=9", "frames=0", "color=red", "difficulty=mad"] {
             assert!(parse_flight(bad).is_err(), "{bad}");
         }
     }

@@ -1,5 +1,5 @@
 //! Focal loss on logits (spec section 3.4): with `p = sigmoid(x)`, per point
-//! `-alpha (1 - p)^gamma ln p` where the label is 1 and `-(1 - alpha) p^gamma ln(1 - p)` where it is 0; points labelled
+//! `-alpha (1 - p)^gamma ln p` where the label is 1 and `-(1 - alpha) p^gamma ln(1 - p)` where it is 0; points labeled
 //! -1 are left out. Summed over the batch, divided by the number of ones (at least 1).
 //!
 //! Gradient (spec section 3.9): label 1 `alpha (1 - p)^gamma (gamma p ln p - (1 - p))`, label 0

@@ -1,6 +1,6 @@
 //! The Jensen-Shannon estimate of mutual information from a statistics network's scores (spec section 3.7):
 //! `-mean softplus(-t) - mean softplus(t')`, with `t` scores of pairs that belong together and `t'` of pairs that do not.
-//! It is at most 0; scores of 0 give `-2 ln 2`. Training maximises it.
+//! It is at most 0; scores of 0 give `-2 ln 2`. Training maximizes it.
 //!
 //! Gradient (spec section 3.9): `sigmoid(-t) / n` and `-sigmoid(t') / n'`.
 

@@ -2,7 +2,7 @@
 //! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`,
 //! `p = p - rate (decay p + (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + epsilon))`, with `t` the parameter's own steps.
 
-use super::{Optimiser, Slots, restore};
+use super::{Optimizer, Slots, restore};
 use crate::vector::{update2, update3};
 use crate::{Compute, Parameters, StateError, Tensor};
 
@@ -31,7 +31,7 @@ impl Default for AdamW {
     }
 }
 
-impl Optimiser for AdamW {
+impl Optimizer for AdamW {
     fn step(&mut self, compute: &Compute, parameters: &mut Parameters, rate: f32) {
         let ([b1, b2], epsilon) = (self.betas, self.epsilon);
         for (i, parameter) in parameters.iter_mut().enumerate().filter(|(_, p)| p.is_trained()) {

@@ -1,8 +1,8 @@
-//! What moves the parameters: optimisers, gradient clipping, learning rates.
+//! What moves the parameters: optimizers, gradient clipping, learning rates.
 //!
 //! A parameter's own [`rate`](crate::Parameter::rate), [`decay`](crate::Parameter::decay) and
 //! [`frozen`](crate::Parameter::frozen) say how; groups are whatever a filter over [`Parameters::iter_mut`] selects.
-//! Frozen parameters, and those that no loss reached, keep every bit of their value and of the optimiser's state.
+//! Frozen parameters, and those that no loss reached, keep every bit of their value and of the optimizer's state.
 
 mod adamw;
 mod clip;
@@ -18,7 +18,7 @@ use crate::parameters::check_shape;
 use crate::{Compute, Parameter, Parameters, StateError, Tensor};
 
 /// Moves parameters against their gradients.
-pub trait Optimiser {
+pub trait Optimizer {
     /// One step at a learning rate, for every trained parameter that has a gradient.
     fn step(&mut self, compute: &Compute, parameters: &mut Parameters, rate: f32);
 
@@ -28,11 +28,11 @@ pub trait Optimiser {
     /// Sets one tensor as [`state`](Self::state) gave it.
     ///
     /// # Errors
-    /// If no tensor of the optimiser has that name, or it has another shape.
+    /// If no tensor of the optimizer has that name, or it has another shape.
     fn restore(&mut self, parameters: &Parameters, name: &str, value: Tensor) -> Result<(), StateError>;
 }
 
-/// One tensor per parameter that an optimiser has moved.
+/// One tensor per parameter that an optimizer has moved.
 #[derive(Clone, Debug)]
 struct Slots {
     kind: &'static str,
@@ -112,30 +112,30 @@ mod tests {
         }
     }
 
-    fn optimisers() -> [Box<dyn Fn() -> Box<dyn Optimiser>>; 2] {
+    fn optimizers() -> [Box<dyn Fn() -> Box<dyn Optimizer>>; 2] {
         [Box::new(|| Box::new(Sgd::new(0.9))), Box::new(|| Box::new(AdamW::default()))]
     }
 
     #[test]
     fn frozen_parameters_keep_every_bit() {
         let compute = Compute::new(1).unwrap();
-        for optimiser in optimisers() {
-            let (mut parameters, mut optimiser) = (network(), optimiser());
+        for optimizer in optimizers() {
+            let (mut parameters, mut optimizer) = (network(), optimizer());
             let b = parameters.find("b").unwrap();
             set_gradients(&mut parameters, 0);
-            optimiser.step(&compute, &mut parameters, 0.1);
+            optimizer.step(&compute, &mut parameters, 0.1);
             parameters[b].frozen = true;
-            let saved = |optimiser: &dyn Optimiser, parameters: &Parameters| -> Vec<Tensor> {
-                let state = optimiser.state(parameters).into_iter();
+            let saved = |optimizer: &dyn Optimizer, parameters: &Parameters| -> Vec<Tensor> {
+                let state = optimizer.state(parameters).into_iter();
                 let of_b = state.filter(|(name, _)| name.ends_with(".b")).map(|(_, tensor)| tensor.clone());
                 of_b.chain([parameters[b].value.clone()]).collect()
             };
-            let before = saved(&*optimiser, &parameters);
+            let before = saved(&*optimizer, &parameters);
             assert!(before.len() > 1);
             set_gradients(&mut parameters, 1);
             let a = parameters[parameters.find("a").unwrap()].value.clone();
-            optimiser.step(&compute, &mut parameters, 0.1);
-            assert_eq!(saved(&*optimiser, &parameters), before);
+            optimizer.step(&compute, &mut parameters, 0.1);
+            assert_eq!(saved(&*optimizer, &parameters), before);
             assert_ne!(parameters[parameters.find("a").unwrap()].value, a);
             assert_eq!(parameters[parameters.find("s").unwrap()].value.item(), 1.0);
         }
@@ -144,25 +144,25 @@ mod tests {
     #[test]
     fn a_restored_state_goes_on_as_if_nothing_had_happened() {
         let compute = Compute::new(1).unwrap();
-        for make in optimisers() {
-            let (mut parameters, mut optimiser) = (network(), make());
+        for make in optimizers() {
+            let (mut parameters, mut optimizer) = (network(), make());
             let c = parameters.find("c").unwrap();
             parameters[c].frozen = true; // has no state yet when the others are saved
-            let run = |parameters: &mut Parameters, optimiser: &mut dyn Optimiser, steps| {
+            let run = |parameters: &mut Parameters, optimizer: &mut dyn Optimizer, steps| {
                 for step in steps {
                     set_gradients(parameters, step);
-                    optimiser.step(&compute, parameters, 0.1);
+                    optimizer.step(&compute, parameters, 0.1);
                 }
             };
-            run(&mut parameters, &mut *optimiser, 0..3);
+            run(&mut parameters, &mut *optimizer, 0..3);
             let (mut resumed, mut fresh) = (network(), make());
             for (name, value) in parameters.state() {
                 resumed.restore(name, value.clone()).unwrap();
             }
-            for (name, value) in optimiser.state(&parameters) {
+            for (name, value) in optimizer.state(&parameters) {
                 fresh.restore(&resumed, &name, value.clone()).unwrap();
             }
-            run(&mut parameters, &mut *optimiser, 3..6);
+            run(&mut parameters, &mut *optimizer, 3..6);
             resumed[c].frozen = true;
             run(&mut resumed, &mut *fresh, 3..6);
             assert!(parameters.state().eq(resumed.state()));
@@ -172,9 +172,9 @@ mod tests {
     #[test]
     fn foreign_state_is_refused() {
         let parameters = network();
-        for make in optimisers() {
-            let mut optimiser = make();
-            let unknown = optimiser.restore(&parameters, "momentum.z", Tensor::zeros(&[2]));
+        for make in optimizers() {
+            let mut optimizer = make();
+            let unknown = optimizer.restore(&parameters, "momentum.z", Tensor::zeros(&[2]));
             assert_eq!(unknown, Err(StateError::Unknown("momentum.z".into())));
         }
         let shape = Sgd::new(0.9).restore(&parameters, "momentum.a", Tensor::zeros(&[3]));

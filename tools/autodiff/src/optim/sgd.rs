@@ -1,7 +1,7 @@
 //! Stochastic gradient descent with momentum, as PyTorch has it (dampening 0, no Nesterov):
 //! `m = momentum m + (g + decay p)`, `p = p - rate m`.
 
-use super::{Optimiser, Slots, restore};
+use super::{Optimizer, Slots, restore};
 use crate::vector::{update2, update3};
 use crate::{Compute, Parameters, StateError, Tensor};
 
@@ -19,7 +19,7 @@ impl Sgd {
     }
 }
 
-impl Optimiser for Sgd {
+impl Optimizer for Sgd {
     fn step(&mut self, compute: &Compute, parameters: &mut Parameters, rate: f32) {
         let factor = self.factor;
         for (i, parameter) in parameters.iter_mut().enumerate().filter(|(_, p)| p.is_trained()) {

@@ -16,7 +16,7 @@ pub struct Config {
     pub flatten: Option<usize>,
 }
 
-/// Convolution, normalisation, ReLU.
+/// Convolution, normalization, ReLU.
 struct Block {
     weight: ParameterId,
     bias: ParameterId,
@@ -34,7 +34,7 @@ struct Kind {
     relu: bool,
 }
 
-/// A 3x3 block with normalisation and ReLU.
+/// A 3x3 block with normalization and ReLU.
 const PLAIN: Kind = Kind { kernel: 3, stride: 1, pad: 0, norm: true, relu: true };
 
 impl Block {

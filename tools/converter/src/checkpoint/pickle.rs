@@ -10,7 +10,7 @@ use super::torch::{self, Global, StorageRef, TensorRef};
 use crate::error::Refusal;
 use std::collections::HashMap;
 
-/// Longest pickle accepted; that of a checkpoint with optimiser state has about a hundred kilobytes.
+/// Longest pickle accepted; that of a checkpoint with optimizer state has about a hundred kilobytes.
 pub const MAX_BYTES: usize = 2 << 20;
 
 /// Index of a value in a [`Heap`].

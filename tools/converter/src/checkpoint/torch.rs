@@ -105,7 +105,7 @@ pub struct TensorRef {
     pub offset: usize,
     /// Lengths, outermost first.
     pub shape: Vec<usize>,
-    /// Distance in elements between neighbours, for every dimension.
+    /// Distance in elements between neighbors, for every dimension.
     pub strides: Vec<usize>,
 }
 

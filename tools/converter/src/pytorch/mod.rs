@@ -16,9 +16,9 @@ use crate::{
 };
 use safetensors::SafeTensors;
 use std::{collections::BTreeMap, path::Path};
-use weights_format::{Architecture, InputNormalisation, Layer, Tensor, Unfolded, Weights};
+use weights_format::{Architecture, InputNormalization, Layer, Tensor, Unfolded, Weights};
 
-/// The variance with which a normalisation of scale 1, shift 0 and mean 0 leaves f32 values as they are: 1 less what
+/// The variance with which a normalization of scale 1, shift 0 and mean 0 leaves f32 values as they are: 1 less what
 /// PyTorch adds to it.
 const IDENTITY_VARIANCE: f32 = 1.0 - 1e-5;
 
@@ -39,7 +39,7 @@ pub enum Values {
 pub struct StateDict {
     /// Name, shape and values.
     pub entries: Vec<(String, Vec<usize>, Values)>,
-    /// Whether normalisations were folded in already, and so are written as ones that change nothing.
+    /// Whether normalizations were folded in already, and so are written as ones that change nothing.
     pub folded: bool,
 }
 
@@ -64,7 +64,7 @@ impl StateDict {
         })
     }
 
-    /// The network of a weights file: normalisations and the head's scalars, which are folded in, change nothing.
+    /// The network of a weights file: normalizations and the head's scalars, which are folded in, change nothing.
     ///
     /// Expects weights that passed [`Weights::check`].
     pub fn of_weights(weights: &Weights) -> StateDict {
@@ -99,7 +99,7 @@ impl StateDict {
 fn entries(
     architecture: &Architecture,
     mut tensors: BTreeMap<String, Tensor>,
-    input: &InputNormalisation,
+    input: &InputNormalization,
 ) -> Vec<(String, Vec<usize>, Values)> {
     let encoder = architecture.encoder.map(|encoder| EncoderNames {
         shared: encoder.shared,
@@ -114,7 +114,7 @@ fn entries(
         let ours = |part: &str| format!("{}.{part}", layer.name);
         let (mut weight, mut bias) = (take(&ours("weight")).data, take(&ours("bias")).data);
         if layer.name == "backbone.conv1" {
-            input.translate(&InputNormalisation::default(), &mut weight, &mut bias);
+            input.translate(&InputNormalization::default(), &mut weight, &mut bias);
         }
         let mut values = vec![oihw(&weight, &layer), bias];
         if layer.bn {

@@ -28,7 +28,7 @@ pub fn noise(n: usize, seed: &str) -> Vec<f32> {
     (0..n).map(|i| ((i as f64 + 1.0) * (seed + 12.9898)).sin() as f32).collect()
 }
 
-/// Adds a convolution with noise in it, and a batch normalisation if asked for.
+/// Adds a convolution with noise in it, and a batch normalization if asked for.
 pub fn add_layer(dict: &mut StateDict, prefix: &str, shape: [usize; 4], bn: bool) {
     let mut add = |name: &str, shape: &[usize], positive: bool| {
         let name = format!("{prefix}.{name}");

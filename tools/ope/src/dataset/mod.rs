@@ -8,7 +8,7 @@
 //! | VisDrone | `annotations/<sequence>.txt`, or `initialization/` | a folder `<sequence>` anywhere |
 //! | GOT-10k, LaSOT | `<sequence>/groundtruth.txt`, absence lists | beside it, or in `img` |
 //!
-//! Folders are recognised by their names wherever they lie below the root, so that wrapping folders do not matter.
+//! Folders are recognized by their names wherever they lie below the root, so that wrapping folders do not matter.
 
 mod attributes;
 mod pictures;

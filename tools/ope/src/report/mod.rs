@@ -5,7 +5,7 @@ mod failures;
 pub use failures::{Failure, failures};
 
 use crate::compare::Comparison;
-use crate::plot::{colour, escape};
+use crate::plot::{color, escape};
 use std::fmt::Write;
 
 /// The page.
@@ -17,7 +17,7 @@ pub fn page(title: &str, comparison: &Comparison, failures: &[Failure]) -> Strin
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n\
          <h1>{title}</h1>\n<p>{} trackers on {sequences} sequences, one pass each, counted by the rule <b>{}</b>. \
-         Precision is the rate of frames whose centre is at most 20 pixels off, AUC the area under the success curve; \
+         Precision is the rate of frames whose center is at most 20 pixels off, AUC the area under the success curve; \
          a perfect tracker has an AUC of 95.2.</p>\n",
         include_str!("page.css"),
         comparison.trackers.len(),
@@ -51,9 +51,9 @@ fn table(header: &[String], rows: &[Vec<String>]) -> String {
     html + "</tbody>\n</table></div>\n"
 }
 
-/// A tracker's name with its colour.
+/// A tracker's name with its color.
 fn tracker(comparison: &Comparison, i: usize) -> String {
-    format!("<span style=\"color:{}\">&#9632;</span> {}", colour(i), escape(&comparison.trackers[i].tracker))
+    format!("<span style=\"color:{}\">&#9632;</span> {}", color(i), escape(&comparison.trackers[i].tracker))
 }
 
 fn summary(comparison: &Comparison) -> String {
@@ -130,7 +130,7 @@ fn pictures(comparison: &Comparison, failures: &[Failure]) -> String {
         return String::new();
     }
     let mut html = format!(
-        "<h2>Worst failures of {}</h2>\n<p>White dashes: the annotation. Colours: the trackers, as in the plots.</p>\n\
+        "<h2>Worst failures of {}</h2>\n<p>White dashes: the annotation. Colors: the trackers, as in the plots.</p>\n\
          <section class=\"failures\">\n",
         escape(&comparison.trackers[0].tracker)
     );
@@ -150,7 +150,7 @@ fn pictures(comparison: &Comparison, failures: &[Failure]) -> String {
         mark(&failure.annotated, "stroke=\"#000\" stroke-width=\"3\"");
         mark(&failure.annotated, "stroke=\"#fff\" stroke-width=\"2\" stroke-dasharray=\"6 3\"");
         for (i, found) in failure.found.iter().enumerate() {
-            mark(found, &format!("stroke=\"{}\" stroke-width=\"2\"", colour(i)));
+            mark(found, &format!("stroke=\"{}\" stroke-width=\"2\"", color(i)));
         }
         let name = escape(&failure.sequence);
         let _ = writeln!(

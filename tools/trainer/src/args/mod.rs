@@ -8,7 +8,7 @@ mod training;
 pub use data::Data;
 pub use prune::Prune;
 pub use study::{Ablate, Sweep, comparable};
-pub use training::{Behaviour, Training};
+pub use training::{Behavior, Training};
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -52,7 +52,7 @@ pub struct Fit {
     /// The folder for checkpoints, log, curves and weights
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Go on with the run of this checkpoint; everything but the run's behaviour comes from it
+    /// Go on with the run of this checkpoint; everything but the run's behavior comes from it
     #[arg(long, value_name = "CKPT", conflicts_with_all = ["data", "init"])]
     pub resume: Option<PathBuf>,
     /// Begin with the parameters of this file (a checkpoint, a weights file, or what `convert --to trainer` wrote), as far
@@ -62,7 +62,7 @@ pub struct Fit {
     #[command(flatten)]
     pub training: Training,
     #[command(flatten)]
-    pub behaviour: Behaviour,
+    pub behavior: Behavior,
     /// Minutes of training between validations
     #[arg(long, default_value_t = 30.0, help_heading = "Run")]
     pub validate_minutes: f64,

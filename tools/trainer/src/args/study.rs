@@ -1,7 +1,7 @@
 //! `sweep` and `ablate`.
 
 use super::training::ratio_of;
-use super::{Behaviour, Data, Training, wrong};
+use super::{Behavior, Data, Training, wrong};
 use std::path::PathBuf;
 use trainer::Error;
 use trainer::fit::{Budget, FitOptions};
@@ -26,7 +26,7 @@ pub struct Sweep {
     #[command(flatten)]
     pub training: Training,
     #[command(flatten)]
-    pub behaviour: Behaviour,
+    pub behavior: Behavior,
 }
 
 #[derive(Debug, clap::Args)]
@@ -45,7 +45,7 @@ pub struct Ablate {
     #[command(flatten)]
     pub training: Training,
     #[command(flatten)]
-    pub behaviour: Behaviour,
+    pub behavior: Behavior,
 }
 
 /// Refuses a length in minutes: runs that are compared see the same number of pairs.

@@ -75,7 +75,7 @@ pub struct Training {
 }
 
 #[derive(Debug, clap::Args)]
-pub struct Behaviour {
+pub struct Behavior {
     /// Threads that compute [default: one per core]
     #[arg(long, help_heading = "Run")]
     pub threads: Option<usize>,
@@ -167,7 +167,7 @@ pub fn ratio_of(option: &str, ratio: f64) -> Result<f64, Error> {
     if (0.0..1.0).contains(&ratio) { Ok(ratio) } else { Err(wrong(option, "0 to below 1", &ratio)) }
 }
 
-impl Behaviour {
+impl Behavior {
     /// Threads that compute.
     pub fn threads(&self) -> usize {
         self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))

@@ -18,18 +18,18 @@ pub struct Augment {
     pub rotation: f32,
     /// Reach of the logarithm of the stretch between the crops; three times that for stills.
     pub aspect: f32,
-    /// Probability that both crops have another light and colour than the picture.
+    /// Probability that both crops have another light and color than the picture.
     pub shared_color: f32,
-    /// Probability that the search crop differs from the template in light and colour; twice that for stills.
+    /// Probability that the search crop differs from the template in light and color; twice that for stills.
     pub own_color: f32,
     /// Probability that light falls on the search picture from one side.
     #[serde(default)]
     pub side_light: f32,
     /// Probability of gray crops.
     pub gray: f32,
-    /// Probability of crops with more or less colour.
+    /// Probability of crops with more or less color.
     pub saturation: f32,
-    /// Probability of negative colours, for stills.
+    /// Probability of negative colors, for stills.
     pub invert: f32,
     /// Probability per crop of a Gaussian blur.
     pub blur: f32,
@@ -37,7 +37,7 @@ pub struct Augment {
     pub motion_blur: f32,
     /// Probability per crop of sensor noise.
     pub noise: f32,
-    /// Probability per crop of JPEG artefacts.
+    /// Probability per crop of JPEG artifacts.
     pub jpeg: f32,
     /// Probability of a lower resolution of all crops together.
     pub low_resolution: f32,

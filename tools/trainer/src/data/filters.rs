@@ -97,7 +97,7 @@ pub fn noise(image: &mut [u8], sigma: f32, rng: &mut Rng) {
 
 /// Through a JPEG file of a quality (1..=100) and back.
 ///
-/// The channels count as red, green and blue in turn; the artefacts are the same in kind.
+/// The channels count as red, green and blue in turn; the artifacts are the same in kind.
 pub fn jpeg(image: &[u8], side: usize, quality: u8) -> Vec<u8> {
     let mut file = Vec::new();
     let size = side as u32;
@@ -140,7 +140,7 @@ pub fn low_resolution(image: &[u8], side: usize, factor: f32) -> Vec<u8> {
 
 fn enlarge(image: &[u8], small: usize, side: usize) -> Vec<u8> {
     let step = small as f32 / side as f32;
-    // Pixel centres map to pixel centres; the outermost ones stay.
+    // Pixel centers map to pixel centers; the outermost ones stay.
     let tap = |i: usize| {
         let x = ((i as f32 + 0.5) * step - 0.5).clamp(0.0, (small - 1) as f32);
         let first = (x as usize).min(small - 2);

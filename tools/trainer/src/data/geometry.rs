@@ -17,7 +17,7 @@ pub struct View {
     pub bbox: BBox,
 }
 
-/// Corners of a box in crop pixels, pixel centres inclusive: left, top, right, bottom (spec section 3.2).
+/// Corners of a box in crop pixels, pixel centers inclusive: left, top, right, bottom (spec section 3.2).
 pub type Corners = [f32; 4];
 
 /// Side of the template crop.
@@ -79,7 +79,7 @@ pub fn template(view: &View, pose: Pose) -> Vec<u8> {
 ///
 /// Scale, place, and as far as `augment` says angle and aspect are random; a `still` (a frame paired with itself) is
 /// turned and stretched more. The whole box lies within the crop, or nothing is changed. What lies outside the picture is
-/// filled from `beside`, the surroundings of some other target; without it with the picture's border colour.
+/// filled from `beside`, the surroundings of some other target; without it with the picture's border color.
 pub fn search(
     view: &View,
     beside: Option<&View>,
@@ -141,18 +141,18 @@ fn jitter(size: usize, still: bool, augment: &Augment, rng: &mut Rng) -> Jitter 
     Jitter { scale, aspect, angle: if turned { angle } else { 0.0 }, shift }
 }
 
-/// Samples the crop whose pixel `centre + shift` is the box's centre.
+/// Samples the crop whose pixel `center + shift` is the box's center.
 fn cut(view: &View, matrix: &Matrix, shift: [f64; 2], side: usize) -> Vec<u8> {
     warp(&view.picture, &grid(&view.bbox, matrix, shift, side))
 }
 
 fn grid(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Grid {
-    let centre = bbox.center();
+    let center = bbox.center();
     let reach = (side - 1) as f64 / 2.0;
     let from = [-reach - shift[0], -reach - shift[1]]; // crop pixel (0, 0)
     let origin = [0, 1].map(|k| matrix[k][0] * from[0] + matrix[k][1] * from[1]);
     Grid {
-        origin: [origin[0] + f64::from(centre.cx), origin[1] + f64::from(centre.cy)],
+        origin: [origin[0] + f64::from(center.cx), origin[1] + f64::from(center.cy)],
         across: [matrix[0][0], matrix[1][0]],
         down: [matrix[0][1], matrix[1][1]],
         side,
@@ -238,8 +238,8 @@ mod tests {
                             assert!(error < 2.5, "{found}, expected {expected} at {pose:?} {bbox:?}");
                         }
                         let middle = bright(&template(&view, pose), 127);
-                        let centre = [(middle[0] + middle[2]) / 2.0, (middle[1] + middle[3]) / 2.0];
-                        assert!(centre.iter().all(|c| (c - 63.0).abs() < 1.5), "{centre:?}");
+                        let center = [(middle[0] + middle[2]) / 2.0, (middle[1] + middle[3]) / 2.0];
+                        assert!(center.iter().all(|c| (c - 63.0).abs() < 1.5), "{center:?}");
                     }
                 }
             }
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn poses_turn_template_and_search_crop_alike() {
-        // A bright dot right of the target's centre goes down with one quarter turn of the picture's grid.
+        // A bright dot right of the target's center goes down with one quarter turn of the picture's grid.
         let mut picture = Picture::new(101, 101, vec![0; 3 * 101 * 101]);
         picture.data[(50 * 101 + 60) * 3..][..3].fill(255);
         let bbox = BBox::new(35.0, 35.0, 31.0, 31.0);
@@ -257,13 +257,13 @@ mod tests {
         let quiet = Augment { scale: 0.0, shift: 0.0, ..none };
         for (quarters, mirrored) in [(0, false), (1, false), (2, true), (3, true), (3, false)] {
             let pose = Pose { quarters, mirrored };
-            let centre = |crop: &[u8], side: usize| {
+            let center = |crop: &[u8], side: usize| {
                 let best = crop.chunks(3).enumerate().max_by_key(|(_, p)| p[0]).unwrap().0;
                 let middle = (side - 1) as f32 / 2.0;
                 [(best % side) as f32 - middle, (best / side) as f32 - middle]
             };
-            let z = centre(&template(&view, pose), 127);
-            let x = centre(&search(&view, None, pose, 303, false, &quiet, &mut Rng::new(0, 0, 0)).0, 303);
+            let z = center(&template(&view, pose), 127);
+            let x = center(&search(&view, None, pose, 303, false, &quiet, &mut Rng::new(0, 0, 0)).0, 303);
             assert!((z[0] - x[0]).abs() < 2.0 && (z[1] - x[1]).abs() < 2.0, "{pose:?}: {z:?} {x:?}");
         }
     }

@@ -13,7 +13,7 @@ use track_cpu::BBox;
 #[derive(Clone, Debug)]
 pub struct Cutout {
     picture: Arc<Picture>,
-    centre: [f32; 2], // picture pixels
+    center: [f32; 2], // picture pixels
     half: [f32; 2],   // half width and height, likewise
     outline: Outline,
     curves: Option<Box<[[u8; 256]; 3]>>,
@@ -25,7 +25,7 @@ pub struct Cutout {
 struct Body {
     /// How far it is turned about its upright and its level axis, in radians.
     turned: [f32; 2],
-    /// Where light comes from: right, down, towards the viewer; of length 1.
+    /// Where light comes from: right, down, toward the viewer; of length 1.
     light: [f32; 3],
 }
 
@@ -42,7 +42,7 @@ impl Body {
     }
 
     /// Where the picture that is wrapped around the body is seen at a place within the outline, in half sizes from its
-    /// centre, and how bright it is there.
+    /// center, and how bright it is there.
     fn look(&self, u: f32, v: f32) -> ([f32; 2], f32) {
         let z = (1.0 - u * u - v * v).max(0.0).sqrt();
         let facing = u * self.light[0] + v * self.light[1] + z * self.light[2];
@@ -65,8 +65,8 @@ enum Outline {
 /// Where and how a cutout is pasted, in pixels of the picture it goes into.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Centre.
-    pub centre: [f32; 2],
+    /// Center.
+    pub center: [f32; 2],
     /// Width and height before turning.
     pub size: [f32; 2],
     /// Angle in radians.
@@ -106,10 +106,10 @@ impl Cutout {
 
     /// A target: what lies in its box.
     pub fn of(view: &View, rng: &mut Rng) -> Cutout {
-        let centre = view.bbox.center();
+        let center = view.bbox.center();
         Cutout {
             picture: view.picture.clone(),
-            centre: [centre.cx, centre.cy],
+            center: [center.cx, center.cy],
             half: [view.bbox.w / 2.0, view.bbox.h / 2.0],
             outline: Outline::random(rng),
             curves: rng.chance(0.5).then(|| Box::new(curves(rng, 0.35, 0.3, 0.15))),
@@ -136,8 +136,8 @@ impl Cutout {
             half[0] * sin.abs() + half[1] * cos.abs() + 2.0,
         ];
         let span = |k: usize, limit: usize| {
-            let from = (place.centre[k] - reach[k]).clamp(0.0, limit as f32) as usize;
-            let to = (place.centre[k] + reach[k] + 1.0).clamp(0.0, limit as f32) as usize;
+            let from = (place.center[k] - reach[k]).clamp(0.0, limit as f32) as usize;
+            let to = (place.center[k] + reach[k] + 1.0).clamp(0.0, limit as f32) as usize;
             from..to
         };
         let (columns, rows) = (span(0, picture.width), span(1, picture.height));
@@ -146,7 +146,7 @@ impl Cutout {
         let mut count = 0;
         for y in rows {
             for x in columns.clone() {
-                let (dx, dy) = (x as f32 - place.centre[0], y as f32 - place.centre[1]);
+                let (dx, dy) = (x as f32 - place.center[0], y as f32 - place.center[1]);
                 let u = (dx * cos + dy * sin) / half[0];
                 let v = (dy * cos - dx * sin) / half[1];
                 let cover = (self.outline.depth(u, v) * softness + 0.5).clamp(0.0, 1.0);
@@ -170,12 +170,12 @@ impl Cutout {
         (count >= 12).then(|| BBox::new(low[0] as f32, low[1] as f32, size(0), size(1)))
     }
 
-    /// Colour at a place within the outline.
+    /// Color at a place within the outline.
     fn sample(&self, u: f32, v: f32) -> [u8; 3] {
         let ([u, v], brightness) = self.body.map_or(([u, v], 1.0), |body| body.look(u, v));
         let Picture { width, height, data, .. } = &*self.picture;
-        let x = (self.centre[0] + u * self.half[0]).clamp(0.0, (width - 1) as f32);
-        let y = (self.centre[1] + v * self.half[1]).clamp(0.0, (height - 1) as f32);
+        let x = (self.center[0] + u * self.half[0]).clamp(0.0, (width - 1) as f32);
+        let y = (self.center[1] + v * self.half[1]).clamp(0.0, (height - 1) as f32);
         let (left, top) = (x as usize, y as usize);
         let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
         let pixel = |x: usize, y: usize| &data[(y * width + x) * 3..][..3];
@@ -239,11 +239,11 @@ pub fn distractors(
         let root = cutout.aspect().sqrt();
         let size = [side * root, side / root];
         for _ in 0..6 {
-            let centre = [target.cx + rng.range(-reach, reach), target.cy + rng.range(-reach, reach)];
-            let apart = (centre[0] - target.cx).abs() > (size[0] + bbox.w) / 2.0
-                || (centre[1] - target.cy).abs() > (size[1] + bbox.h) / 2.0;
+            let center = [target.cx + rng.range(-reach, reach), target.cy + rng.range(-reach, reach)];
+            let apart = (center[0] - target.cx).abs() > (size[0] + bbox.w) / 2.0
+                || (center[1] - target.cy).abs() > (size[1] + bbox.h) / 2.0;
             if apart {
-                cutout.paste(picture, &Place { centre, size, angle: rng.range(-0.5, 0.5) });
+                cutout.paste(picture, &Place { center, size, angle: rng.range(-0.5, 0.5) });
                 break;
             }
         }
@@ -254,9 +254,9 @@ pub fn distractors(
 pub fn occlude(picture: &mut Picture, bbox: &BBox, cutout: &Cutout, rng: &mut Rng) {
     let (sin, cos) = rng.range(0.0, TAU).sin_cos();
     let target = bbox.center();
-    let centre = [target.cx + cos * bbox.w * 0.45, target.cy + sin * bbox.h * 0.45];
+    let center = [target.cx + cos * bbox.w * 0.45, target.cy + sin * bbox.h * 0.45];
     let size = [bbox.w * rng.range(0.4, 0.65), bbox.h * rng.range(0.4, 0.65)];
-    cutout.paste(picture, &Place { centre, size, angle: 0.0 });
+    cutout.paste(picture, &Place { center, size, angle: 0.0 });
 }
 
 /// Two pictures of one cutout before other backgrounds, or before the same one in another place.
@@ -287,8 +287,8 @@ pub fn made_up_pair(backgrounds: [&Arc<Picture>; 2], cutout: &Cutout, rng: &mut 
         let bbox = cutout.paste(&mut picture, place)?;
         Some(View { picture: Arc::new(picture), bbox })
     };
-    let first = view(cutout, backgrounds[0], &Place { centre: first, size, angle: 0.0 })?;
-    let second = view(&later, backgrounds[1], &Place { centre: second, size: other, angle })?;
+    let first = view(cutout, backgrounds[0], &Place { center: first, size, angle: 0.0 })?;
+    let second = view(&later, backgrounds[1], &Place { center: second, size: other, angle })?;
     Some((first, second))
 }
 
@@ -309,7 +309,7 @@ mod tests {
             cutout.curves = None;
             let mut canvas = Picture::clone(&plain(0, 90, 70));
             let place = Place {
-                centre: [rng.range(0.0, 90.0), rng.range(0.0, 70.0)],
+                center: [rng.range(0.0, 90.0), rng.range(0.0, 70.0)],
                 size: [rng.range(6.0, 40.0), rng.range(6.0, 40.0)],
                 angle: rng.range(-1.0, 1.0),
             };
@@ -332,7 +332,7 @@ mod tests {
             let cutout =
                 Cutout { outline, curves: None, ..Cutout::random(&white, 1.0, 10.0, &mut Rng::new(0, 0, 0)) };
             let mut canvas = Picture::clone(&plain(0, 90, 70));
-            let place = Place { centre: [44.5, 30.5], size: [30.0, 20.0], angle: 0.0 };
+            let place = Place { center: [44.5, 30.5], size: [30.0, 20.0], angle: 0.0 };
             let bbox = cutout.paste(&mut canvas, &place).unwrap();
             assert_eq!(bbox, BBox::new(30.0, 21.0, 30.0, 20.0));
         }

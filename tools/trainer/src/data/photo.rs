@@ -1,4 +1,4 @@
-//! Light, colour and picture quality of a pair's crops.
+//! Light, color and picture quality of a pair's crops.
 
 use super::augment::Augment;
 use super::filters;
@@ -85,7 +85,7 @@ fn side_light(image: &mut [u8], side: usize, angle: f32, reach: f32) {
     }
 }
 
-/// `share` of the colour, 0 for gray.
+/// `share` of the color, 0 for gray.
 fn saturate(image: &mut [u8], share: f32) {
     let share = (share * 256.0) as i32;
     for pixel in image.chunks_exact_mut(3) {
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn gray_is_gray_and_half_colour_is_half_as_far_from_it() {
+    fn gray_is_gray_and_half_color_is_half_as_far_from_it() {
         let gray = Augment { gray: 1.0, ..Augment::none() };
         for crop in develop(crops(), false, &gray, &mut Rng::new(0, 0, 0)) {
             assert!(crop.chunks(3).all(|p| p[0] == p[1] && p[1] == p[2]));

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use track_cpu::source::{Input, Source};
 use track_cpu::{ChannelOrder, Frame};
 
-/// A picture in memory: RGB bytes, row-major without gaps, and the colour of what lies outside.
+/// A picture in memory: RGB bytes, row-major without gaps, and the color of what lies outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     /// Width in pixels.
@@ -15,7 +15,7 @@ pub struct Picture {
     pub height: usize,
     /// `3 * width * height` bytes, RGB.
     pub data: Vec<u8>,
-    /// Mean colour, BGR, truncated (spec section 2.2).
+    /// Mean color, BGR, truncated (spec section 2.2).
     pub border: [u8; 3],
 }
 

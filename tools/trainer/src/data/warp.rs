@@ -1,6 +1,6 @@
 //! Sampling a picture on a turned, stretched or mirrored grid: `out[j, i] = bilinear(picture, origin + i across + j down)`.
 //!
-//! `u8 [h, w, 3]` RGB -> `u8 [side, side, 3]` BGR; each tap outside the picture is replaced by its border colour. On an
+//! `u8 [h, w, 3]` RGB -> `u8 [side, side, 3]` BGR; each tap outside the picture is replaced by its border color. On an
 //! upright square grid the result is that of the tracker's own cropper.
 
 use super::picture::Picture;

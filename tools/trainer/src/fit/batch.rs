@@ -22,7 +22,7 @@ pub fn batch(samples: &[Sample], architecture: &Architecture) -> Batch {
     }
 }
 
-/// Template and search crops of samples whose search crops have one size, normalised.
+/// Template and search crops of samples whose search crops have one size, normalized.
 pub fn crops_of(samples: &[Sample], architecture: &Architecture) -> (Tensor, Tensor) {
     let size = samples.first().map_or(architecture.search_size, |sample| sample.search_size);
     (
@@ -31,7 +31,7 @@ pub fn crops_of(samples: &[Sample], architecture: &Architecture) -> (Tensor, Ten
     )
 }
 
-/// Crops of bytes as one tensor `[batch, side, side, 3]`, normalised.
+/// Crops of bytes as one tensor `[batch, side, side, 3]`, normalized.
 fn crops<'a>(crops: impl Iterator<Item = &'a Vec<u8>>, side: usize) -> Tensor {
     let (mean, std) = (INPUT.mean[0], INPUT.std[0]);
     let table: [f32; 256] = std::array::from_fn(|value| (value as f32 - mean) / std);

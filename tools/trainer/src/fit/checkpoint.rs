@@ -1,4 +1,4 @@
-//! A training run on disk: one safetensors file with parameters, optimiser state, averages, and the position in the data.
+//! A training run on disk: one safetensors file with parameters, optimizer state, averages, and the position in the data.
 
 use super::options::FitOptions;
 use crate::data::DataOptions;
@@ -41,8 +41,8 @@ pub struct Position {
 pub struct State {
     /// Every parameter and statistic.
     pub parameters: Vec<(String, Tensor)>,
-    /// What the optimiser remembers.
-    pub optimiser: Vec<(String, Tensor)>,
+    /// What the optimizer remembers.
+    pub optimizer: Vec<(String, Tensor)>,
     /// Running averages of parameters, where the run keeps them.
     pub averages: Vec<(String, Tensor)>,
 }
@@ -79,7 +79,7 @@ pub fn save(path: &Path, position: &Position, state: &State) -> Result<(), Error
         .map_err(|error| Error::file(path, "a position that can be written", error))?;
     let metadata = HashMap::from([(KEY.to_owned(), text)]);
     let kinds =
-        [("parameter", &state.parameters), ("optimiser", &state.optimiser), ("average", &state.averages)];
+        [("parameter", &state.parameters), ("optimizer", &state.optimizer), ("average", &state.averages)];
     let mut views = Vec::new();
     for (kind, tensors) in kinds {
         for (name, tensor) in tensors {
@@ -119,9 +119,9 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 pub enum Form {
     /// A run.
     Checkpoint,
-    /// A network's parameters, normalisations apart.
+    /// A network's parameters, normalizations apart.
     Unfolded,
-    /// A weights file, normalisations folded in.
+    /// A weights file, normalizations folded in.
     Weights,
 }
 
@@ -181,7 +181,7 @@ pub fn load(path: &Path) -> Result<(Position, State), Error> {
         let tensor = Tensor::new(view.shape(), values.collect());
         let list = match name.split_once('.') {
             Some(("parameter", rest)) => (&mut state.parameters, rest),
-            Some(("optimiser", rest)) => (&mut state.optimiser, rest),
+            Some(("optimizer", rest)) => (&mut state.optimizer, rest),
             Some(("average", rest)) => (&mut state.averages, rest),
             _ => return Err(wrong(&format!("a tensor named {name:?}"))),
         };
@@ -205,7 +205,7 @@ mod tests {
                 ("a.weight".into(), tensor(1.0)),
                 ("b".into(), Tensor::scalar(f32::MIN_POSITIVE)),
             ],
-            optimiser: vec![("mean.a.weight".into(), tensor(2.0))],
+            optimizer: vec![("mean.a.weight".into(), tensor(2.0))],
             averages: vec![("a.weight".into(), tensor(3.0))],
         };
         (position, state)

@@ -13,14 +13,14 @@ mod tests;
 
 pub use batch::crops_of;
 pub use checkpoint::{Position, State, write_atomically};
-pub use options::{Budget, FitOptions, OptimiserKind, standard};
+pub use options::{Budget, FitOptions, OptimizerKind, standard};
 
 use crate::data::feed::Feed;
 use crate::data::{DataOptions, Dataset};
 use crate::error::Error;
 use crate::network::{LossValues, Network};
 use crate::validate::{Report, Validation};
-use autodiff::optim::{Optimiser, clip_gradients};
+use autodiff::optim::{Optimizer, clip_gradients};
 use autodiff::{Compute, Mode, Parameters, Tape, Tensor};
 use report::{Reporter, Standing};
 use serde_json::json;
@@ -53,9 +53,9 @@ pub struct Fit {
     position: Position,
     network: Network,
     parameters: Parameters,
-    optimiser: Box<dyn Optimiser>,
+    optimizer: Box<dyn Optimizer>,
     averages: Vec<Tensor>, // of all parameters in their order; empty if the run keeps none
-    folded: bool,          // whether normalisations are folded away, as in a weights file
+    folded: bool,          // whether normalizations are folded away, as in a weights file
 }
 
 /// Batches made ahead of the one in use.
@@ -67,7 +67,7 @@ const LOG_STEPS: u64 = 25;
 /// Batches for the estimation of statistics are far behind all that are trained on.
 const ESTIMATION: u64 = 1 << 40;
 
-/// Batches from which the statistics of normalisations that were folded away are estimated.
+/// Batches from which the statistics of normalizations that were folded away are estimated.
 const UNFOLDING_BATCHES: usize = 8;
 
 impl Fit {
@@ -79,7 +79,7 @@ impl Fit {
         options.check()?;
         let mut fit = Fit::empty(Position::start(options, data, data_options))?;
         let FitOptions { init, seed, .. } = fit.position.options;
-        fit.network.initialise(&mut fit.parameters, init, seed);
+        fit.network.initialize(&mut fit.parameters, init, seed);
         fit.begin_averages();
         Ok(fit)
     }
@@ -96,8 +96,8 @@ impl Fit {
         let FitOptions { architecture, statistics_nets, .. } = position.options;
         let mut parameters = Parameters::new();
         let network = Network::new(&mut parameters, architecture, statistics_nets)?;
-        let optimiser = position.options.optimiser();
-        Ok(Fit { position, network, parameters, optimiser, averages: Vec::new(), folded: false })
+        let optimizer = position.options.optimizer();
+        Ok(Fit { position, network, parameters, optimizer, averages: Vec::new(), folded: false })
     }
 
     /// Writes a checkpoint.
@@ -107,10 +107,10 @@ impl Fit {
     pub fn save(&self, path: &Path) -> Result<(), Error> {
         let own = |(name, tensor): (&str, &Tensor)| (name.to_owned(), tensor.clone());
         let named = self.parameters.iter().map(|p| p.name()).zip(&self.averages);
-        let optimiser = self.optimiser.state(&self.parameters);
+        let optimizer = self.optimizer.state(&self.parameters);
         let state = State {
             parameters: self.parameters.state().map(own).collect(),
-            optimiser: optimiser.into_iter().map(|(name, tensor)| (name, tensor.clone())).collect(),
+            optimizer: optimizer.into_iter().map(|(name, tensor)| (name, tensor.clone())).collect(),
             averages: named.map(own).collect(),
         };
         checkpoint::save(path, &self.position, &state)
@@ -192,7 +192,7 @@ impl Fit {
         self.finish(&compute, dataset, run, &mut reporter)
     }
 
-    /// Gives normalisations that are folded away the data's statistics, so that the network can be trained; what it
+    /// Gives normalizations that are folded away the data's statistics, so that the network can be trained; what it
     /// computes stays the same but for rounding. Nothing happens to other networks.
     pub fn unfold(&mut self, compute: &Compute, dataset: &Arc<Dataset>, data_threads: usize) {
         if !std::mem::take(&mut self.folded) {
@@ -239,7 +239,7 @@ impl Fit {
             return Err(diverged("the gradient's norm", f64::from(norm)));
         }
         let rate = options.rate(progress);
-        self.optimiser.step(compute, parameters, rate);
+        self.optimizer.step(compute, parameters, rate);
         let keep = options.average;
         for (average, parameter) in self.averages.iter_mut().zip(parameters.iter()) {
             for (average, value) in average.data_mut().iter_mut().zip(parameter.value.data()) {
@@ -273,7 +273,7 @@ impl Fit {
             report.score().filter(|score| self.position.best.is_none_or(|(best, _)| *score > best))
         {
             self.position.best = Some((score, self.position.step));
-            let state = State { optimiser: Vec::new(), averages: Vec::new(), ..self.deployed_state() };
+            let state = State { optimizer: Vec::new(), averages: Vec::new(), ..self.deployed_state() };
             let mut position = self.position.clone();
             position.options.average = 0.0;
             checkpoint::save(&run.out.join("best.safetensors"), &position, &state)?;

@@ -24,8 +24,8 @@ impl Fit {
         for (name, value) in state.parameters {
             fit.parameters.restore(&name, value).map_err(|error| wrong(&error))?;
         }
-        for (name, value) in state.optimiser {
-            fit.optimiser.restore(&fit.parameters, &name, value).map_err(|error| wrong(&error))?;
+        for (name, value) in state.optimizer {
+            fit.optimizer.restore(&fit.parameters, &name, value).map_err(|error| wrong(&error))?;
         }
         if !state.averages.is_empty() {
             let mut averages = fit.parameters.clone();
@@ -182,7 +182,7 @@ mod tests {
     use crate::testing::{Folder, pictures};
     use autodiff::{Mode, Tape};
     use std::sync::Arc;
-    use weights_format::{Encoder, InputNormalisation, Storage, Widths};
+    use weights_format::{Encoder, InputNormalization, Storage, Widths};
 
     fn tiny() -> Fit {
         let widths = Widths::uniform([4, 6, 8, 8, 8], 8);
@@ -224,11 +224,11 @@ mod tests {
         fit.parameters.iter_mut().find(|p| p.name() == "head.si").unwrap().value.data_mut()[0] = 0.7;
         let mut weights = fit.export(Storage::F32, "tiny", None).unwrap();
         // As a network that was trained on plain pixels.
-        let plain = InputNormalisation::default();
+        let plain = InputNormalization::default();
         let mut conv1 =
             ["weight", "bias"].map(|p| weights.tensor(&format!("backbone.conv1.{p}")).unwrap().clone());
         let [w, b] = &mut conv1;
-        InputNormalisation::TRAINED.translate(&plain, &mut w.data, &mut b.data);
+        InputNormalization::TRAINED.translate(&plain, &mut w.data, &mut b.data);
         let [w, b] = conv1;
         weights.insert("backbone.conv1.weight", w);
         weights.insert("backbone.conv1.bias", b);

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::network::{Init, LossOptions, StatisticsNets};
 use autodiff::Parameters;
-use autodiff::optim::{AdamW, Optimiser, Sgd, WarmupCosine};
+use autodiff::optim::{AdamW, Optimizer, Sgd, WarmupCosine};
 use serde::{Deserialize, Serialize};
 use weights_format::{Architecture, Encoder, Widths};
 
@@ -21,7 +21,7 @@ pub enum Budget {
 /// What moves the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum OptimiserKind {
+pub enum OptimizerKind {
     /// Adam with decoupled weight decay on convolution weights.
     AdamW,
     /// SGD with momentum 0.9 and weight decay on everything.
@@ -41,7 +41,8 @@ pub struct FitOptions {
     /// Weights of the losses.
     pub losses: LossOptions,
     /// What moves the parameters.
-    pub optimiser: OptimiserKind,
+    #[serde(alias = "optimiser")]
+    pub optimizer: OptimizerKind,
     /// Highest learning rate.
     pub peak_rate: f64,
     /// Last learning rate.
@@ -80,7 +81,7 @@ impl FitOptions {
             statistics_nets: StatisticsNets::Light,
             init: Init::Kaiming,
             losses: LossOptions::default(),
-            optimiser: OptimiserKind::AdamW,
+            optimizer: OptimizerKind::AdamW,
             peak_rate: 6e-4,
             floor_rate: 3e-6,
             warmup_share: 0.03,
@@ -108,7 +109,7 @@ impl FitOptions {
                 max_exponent: f32::MAX,
                 ..LossOptions::default()
             },
-            optimiser: OptimiserKind::Sgd,
+            optimizer: OptimizerKind::Sgd,
             peak_rate: 0.08,
             floor_rate: 1e-6,
             warmup_share: 0.05, // one epoch of 20
@@ -171,11 +172,11 @@ impl FitOptions {
         if progress < self.early_share { self.early_size } else { self.architecture.search_size }
     }
 
-    /// A fresh optimiser.
-    pub fn optimiser(&self) -> Box<dyn Optimiser> {
-        match self.optimiser {
-            OptimiserKind::AdamW => Box::new(AdamW::default()),
-            OptimiserKind::Sgd => Box::new(Sgd::new(0.9)),
+    /// A fresh optimizer.
+    pub fn optimizer(&self) -> Box<dyn Optimizer> {
+        match self.optimizer {
+            OptimizerKind::AdamW => Box::new(AdamW::default()),
+            OptimizerKind::Sgd => Box::new(Sgd::new(0.9)),
         }
     }
 
@@ -195,7 +196,7 @@ impl FitOptions {
             };
             let layer = name.split('.').nth(1).unwrap_or_default();
             let frozen = self.freeze && backbone && convolution && epoch < thaws(layer);
-            let decays = self.optimiser == OptimiserKind::Sgd || weights;
+            let decays = self.optimizer == OptimizerKind::Sgd || weights;
             parameter.rate = if backbone { self.backbone_rate } else { 1.0 };
             parameter.decay = if decays { self.decay } else { 0.0 };
             parameter.frozen = frozen;

@@ -11,7 +11,7 @@ const MOMENTUM: f32 = 0.1;
 
 /// Replaces the running statistics by their means over `count` batches of the feed. No parameter changes.
 ///
-/// Where template and search branch share a normalisation, both count alike, as they do in training.
+/// Where template and search branch share a normalization, both count alike, as they do in training.
 pub fn estimate(
     compute: &Compute,
     network: &Network,
@@ -71,7 +71,7 @@ pub fn estimate(
 /// Added to the variance (spec section 1.1).
 const EPSILON: f64 = 1e-5;
 
-/// Sets every normalisation, which changes nothing as it is, to the mean and variance of `count` batches of the feed, and
+/// Sets every normalization, which changes nothing as it is, to the mean and variance of `count` batches of the feed, and
 /// its scale and shift such that it still changes nothing.
 pub fn unfold(
     compute: &Compute,

@@ -42,8 +42,8 @@ fn run_options(folder: &Folder, name: &str) -> RunOptions {
 #[test]
 fn an_interrupted_run_ends_in_the_same_bits() {
     let folder = Folder::new("fit");
-    for optimiser in [OptimiserKind::AdamW, OptimiserKind::Sgd] {
-        let options = FitOptions { optimiser, ..tiny() };
+    for optimizer in [OptimizerKind::AdamW, OptimizerKind::Sgd] {
+        let options = FitOptions { optimizer, ..tiny() };
         let start = || Fit::start(options.clone(), vec![pictures(&folder)], DataOptions::default()).unwrap();
         let mut straight = start();
         straight.run(open(&straight), &run_options(&folder, "straight")).unwrap();

@@ -3,7 +3,7 @@
 use autodiff::{Conv2d, ParameterId, Parameters, RunningStatistics, Tape, Tensor, Var};
 use weights_format::Layer;
 
-/// Convolution, then batch normalisation and ReLU if the layer has them.
+/// Convolution, then batch normalization and ReLU if the layer has them.
 #[derive(Clone, Copy, Debug)]
 pub struct Block {
     weight: ParameterId, // [Cout, k, k, Cin]
@@ -39,7 +39,7 @@ impl Block {
     }
 
     /// Maps `[batch, H, W, Cin]` to maps `[batch, H', W', Cout]`: behind the convolution alone, and behind all of it. Without
-    /// a normalisation between them, both are the same.
+    /// a normalization between them, both are the same.
     pub fn forward(&self, tape: &mut Tape, x: Var) -> (Var, Var) {
         let (weight, bias) = (tape.parameter(self.weight), tape.parameter(self.bias));
         let Some(Norm { scale, shift, running }) = self.norm else {

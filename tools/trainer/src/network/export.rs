@@ -2,16 +2,16 @@
 
 use super::Network;
 use autodiff::Parameters;
-use weights_format::{Header, InputNormalisation, LayerKind, Provenance, Storage, Tensor, Weights};
+use weights_format::{Header, InputNormalization, LayerKind, Provenance, Storage, Tensor, Weights};
 
 /// What the network sees of pixels in training.
-pub const INPUT: InputNormalisation = InputNormalisation::TRAINED;
+pub const INPUT: InputNormalization = InputNormalization::TRAINED;
 
 /// Added to the variance (spec section 1.1).
 const EPSILON: f64 = 1e-5;
 
 impl Network {
-    /// The deployed network: batch normalisation and the head's scalars folded in, E1 and the statistics networks left
+    /// The deployed network: batch normalization and the head's scalars folded in, E1 and the statistics networks left
     /// out.
     pub fn export(&self, parameters: &Parameters, storage: Storage, provenance: Provenance) -> Weights {
         let values = |name: &str| {

@@ -3,14 +3,14 @@
 use super::{INPUT, Network};
 use crate::error::Error;
 use autodiff::{Parameters, Tensor};
-use weights_format::{InputNormalisation, LayerKind, Unfolded, Weights};
+use weights_format::{InputNormalization, LayerKind, Unfolded, Weights};
 
-/// The variance with which a normalisation of scale 1, shift 0 and mean 0 leaves f32 values as they are: 1 less what is
+/// The variance with which a normalization of scale 1, shift 0 and mean 0 leaves f32 values as they are: 1 less what is
 /// added to it.
 const IDENTITY_VARIANCE: f32 = 1.0 - 1e-5;
 
 impl Network {
-    /// Sets the deployed network's parameters to those of a weights file. Its normalisations are folded in, so those here
+    /// Sets the deployed network's parameters to those of a weights file. Its normalizations are folded in, so those here
     /// change nothing: fit for evaluation, but not for training before
     /// [`statistics::unfold`](crate::fit) gave them the data's statistics.
     ///
@@ -59,7 +59,7 @@ fn set(parameters: &mut Parameters, name: &str, shape: &[usize], values: Vec<f32
 }
 
 /// Makes the first convolution, which expects `input`, expect what training feeds it.
-fn translate(parameters: &mut Parameters, input: &InputNormalisation) {
+fn translate(parameters: &mut Parameters, input: &InputNormalization) {
     let ids = ["backbone.conv1.weight", "backbone.conv1.bias"].map(|name| parameters.find(name));
     let [Some(weight), Some(bias)] = ids else { return };
     let mut values = [weight, bias].map(|id| parameters[id].value.data().to_vec());

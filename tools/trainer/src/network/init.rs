@@ -19,7 +19,7 @@ pub enum Init {
 
 impl Network {
     /// Sets every parameter of a network that was not trained yet.
-    pub fn initialise(&self, parameters: &mut Parameters, init: Init, seed: u64) {
+    pub fn initialize(&self, parameters: &mut Parameters, init: Init, seed: u64) {
         for (i, parameter) in parameters.iter_mut().enumerate() {
             let mut rng = Rng::new(seed, 0x1417, i as u64);
             first_value(parameter, init, &mut rng);
@@ -48,7 +48,7 @@ fn first_value(parameter: &mut Parameter, init: Init, rng: &mut Rng) {
             (false, None) => normal((2.0 / fan_in).sqrt()),
         }
     } else if let (false, Some(output)) = (paper, output) {
-        // Normalised outputs, so these are the outputs' spread and mean: few cells are the target, boxes of some 30 pixels.
+        // Normalized outputs, so these are the outputs' spread and mean: few cells are the target, boxes of some 30 pixels.
         if name.ends_with(".bn.scale") {
             values.fill([0.5, 0.35, 0.5][output]);
         } else if name.ends_with(".bn.shift") {

@@ -42,7 +42,7 @@ impl Default for LossOptions {
     }
 }
 
-/// What a step sees: normalised crops (`[batch, side, side, 3]`) and what is true of them.
+/// What a step sees: normalized crops (`[batch, side, side, 3]`) and what is true of them.
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// Template crops.

@@ -1,4 +1,4 @@
-//! The DR-MIM network for training: any widths, any encoder of the weights format, with batch normalisation, the
+//! The DR-MIM network for training: any widths, any encoder of the weights format, with batch normalization, the
 //! identity-unrelated encoder E1 and the statistics networks beside what is deployed.
 //!
 //! Parameters bear the names of the weights format (`<layer>.weight`, `<layer>.bias`) and `<layer>.bn.scale`, `.bn.shift`,
@@ -76,7 +76,7 @@ struct Template {
 }
 
 impl Network {
-    /// Adds the network's parameters, uninitialised.
+    /// Adds the network's parameters, uninitialized.
     ///
     /// # Errors
     /// If the architecture is out of bounds, or asks for a mutual-information loss without an encoder.
@@ -132,7 +132,7 @@ impl Network {
         output
     }
 
-    /// Backbone features of normalised crops `[batch, side, side, 3]`.
+    /// Backbone features of normalized crops `[batch, side, side, 3]`.
     fn backbone(&self, pass: &mut Pass, crops: Var) -> Var {
         let mut x = crops;
         for i in 1..=5 {

@@ -128,7 +128,7 @@ fn one_step_of_the_reference() {
     for parameter in parameters.iter() {
         let name = reference_name(parameter.name());
         let (found, expected, floor) = match &parameter.gradient {
-            // Before a normalisation a bias has no gradient but rounding errors, judged by its weights' gradient.
+            // Before a normalization a bias has no gradient but rounding errors, judged by its weights' gradient.
             Some(gradient) => {
                 let weights = name.strip_suffix(".conv.bias").map(|l| format!("grad.{l}.conv.weight"));
                 let floor = weights.map_or(0.0, |w| norm(golden(&file, &w).into_data().into_iter()));
@@ -146,7 +146,7 @@ fn one_step_of_the_reference() {
 fn random(architecture: Architecture) -> (Parameters, Network) {
     let mut parameters = Parameters::new();
     let network = Network::new(&mut parameters, architecture, StatisticsNets::None).unwrap();
-    network.initialise(&mut parameters, Init::Kaiming, 3);
+    network.initialize(&mut parameters, Init::Kaiming, 3);
     for (i, parameter) in parameters.iter_mut().enumerate() {
         let mut rng = Rng::new(1, 2, i as u64);
         let name = parameter.name().to_owned();
@@ -189,7 +189,7 @@ fn the_tracker_runs_what_was_trained() {
         deployed.set_template(&template);
         let outputs = deployed.search(&search);
 
-        let normalised = |crop: &[u8], side: usize| {
+        let normalized = |crop: &[u8], side: usize| {
             let values = crop.iter().map(|v| (f32::from(*v) - INPUT.mean[0]) / INPUT.std[0]);
             Tensor::new(&[1, side, side, 3], values.collect())
         };
@@ -197,7 +197,7 @@ fn the_tracker_runs_what_was_trained() {
         let (si, bi) =
             (parameters[network.scalars[0]].value.item(), parameters[network.scalars[1]].value.item());
         let mut tape = Tape::new(&compute, &mut parameters, Mode::Evaluation);
-        let prediction = network.predict(&mut tape, normalised(&template, 127), normalised(&search, 303));
+        let prediction = network.predict(&mut tape, normalized(&template, 127), normalized(&search, 303));
         let sigmoid = |x: f32| 1.0 / (1.0 + (-x).exp());
         let value = |var| tape.value(var).data();
         let scores = value(prediction.score).iter().zip(value(prediction.centerness));

@@ -114,7 +114,7 @@ impl Sum {
     }
 }
 
-/// The L1 norm of every filter with its normalisation folded in, by layer.
+/// The L1 norm of every filter with its normalization folded in, by layer.
 ///
 /// # Errors
 /// If a weight is not finite.

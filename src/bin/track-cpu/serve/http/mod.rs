@@ -156,7 +156,7 @@ impl Site {
         match (request.method.as_str(), request.path.as_str()) {
             ("GET", "/") => (200, "text/html; charset=utf-8", PAGE.to_string()),
             ("GET", "/state") => (200, json, self.hub.report().1.to_json().to_string()),
-            ("POST", "/start" | "/stop") if !self.is_authorised(request) => {
+            ("POST", "/start" | "/stop") if !self.is_authorized(request) => {
                 (403, json, wrong("the token is missing or wrong"))
             }
             ("POST", path @ ("/start" | "/stop")) => {
@@ -171,7 +171,7 @@ impl Site {
         }
     }
 
-    fn is_authorised(&self, request: &Request) -> bool {
+    fn is_authorized(&self, request: &Request) -> bool {
         request.token.as_ref().is_some_and(|token| same(token, self.token.as_bytes()))
     }
 

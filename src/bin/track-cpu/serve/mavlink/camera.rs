@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_is_honoured() {
+    fn the_interval_is_honored() {
         let (mut camera, _) = camera(&[]);
         let report = Report::default();
         let start = Instant::now() + Duration::from_millis(1);

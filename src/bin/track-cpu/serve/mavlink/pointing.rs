@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_towards_the_target_and_rests_when_it_is_lost() {
+    fn turns_toward_the_target_and_rests_when_it_is_lost() {
         let mut pointing = pointing();
         let start = Instant::now();
         let right_and_below = BBox::new(500.0, 400.0, 20.0, 20.0);

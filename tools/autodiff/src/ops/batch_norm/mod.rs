@@ -1,11 +1,11 @@
-//! Batch normalisation per channel: `y = gamma (x - mean) / sqrt(variance + 1e-5) + beta`, then ReLU if asked for.
+//! Batch normalization per channel: `y = gamma (x - mean) / sqrt(variance + 1e-5) + beta`, then ReLU if asked for.
 //!
 //! In training `mean` and `variance` (biased, over batch and positions, `m` values) are the batch's, and the running ones
 //! follow with momentum 0.1 (the running variance is the unbiased `m / (m - 1)` one). In evaluation they are the running
 //! ones, and constants on the way back (spec sections 1.1, 3.9).
 //!
 //! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`. Backwards, with `g` the gradient of `y` (zeroed
-//! where ReLU was), `n` the normalised input and `a = gamma / sqrt(variance + 1e-5)`:
+//! where ReLU was), `n` the normalized input and `a = gamma / sqrt(variance + 1e-5)`:
 //! - `dbeta = sum g`, `dgamma = sum g n`;
 //! - training: `dx = a (g - dbeta / m - n dgamma / m)`; evaluation: `dx = a g`.
 
@@ -15,12 +15,12 @@ mod passes;
 use crate::tape::Operation;
 use crate::{Mode, ParameterId, Tape, Tensor, Var};
 use moments::Moments;
-use passes::{Affine, Differentiate, Normalise, Sums};
+use passes::{Affine, Differentiate, Normalize, Sums};
 
 const EPSILON: f64 = 1e-5;
 const MOMENTUM: f64 = 0.1;
 
-/// Where a normalisation keeps its running statistics, both `[channels]`.
+/// Where a normalization keeps its running statistics, both `[channels]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunningStatistics {
     /// The mean.
@@ -39,7 +39,7 @@ struct BatchNorm {
 }
 
 impl Tape<'_> {
-    /// Normalises `x` (`[.., channels]`) and applies ReLU if asked for; in training, updates the `running` statistics.
+    /// Normalizes `x` (`[.., channels]`) and applies ReLU if asked for; in training, updates the `running` statistics.
     ///
     /// Panics if the shapes do not fit each other.
     pub fn batch_norm(
@@ -85,14 +85,14 @@ impl Tape<'_> {
         let input = self.value(x).data();
         self.compute.each(out.data_mut(), part, |i, out| {
             let x = &input[i * part..][..out.len()];
-            self.compute.isa().run(Normalise { affine: &affine, x, out });
+            self.compute.isa().run(Normalize { affine: &affine, x, out });
         });
         let operation = BatchNorm { x, gamma, beta, affine, deviation, mode: self.mode };
         self.record(out, &[x, gamma, beta], operation)
     }
 }
 
-/// Moves running statistics a step towards the batch's.
+/// Moves running statistics a step toward the batch's.
 fn follow(running: &mut [f32], batch: impl Iterator<Item = f64>) {
     for (running, batch) in running.iter_mut().zip(batch) {
         *running = ((1.0 - MOMENTUM) * f64::from(*running) + MOMENTUM * batch) as f32;
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn gradients_through_relu() {
-        // Normalised to about +-1.2 and +-0.4 with beta 0.1: the check's step carries none of them across 0.
+        // Normalized to about +-1.2 and +-0.4 with beta 0.1: the check's step carries none of them across 0.
         let x = Tensor::new(&[4, 1], vec![3.0, 4.0, 5.0, 6.0]);
         let (mut parameters, running) = parameters(1);
         let inputs = [x, Tensor::full(&[1], 0.9), Tensor::full(&[1], 0.1)];
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn normalises_and_follows() {
+    fn normalizes_and_follows() {
         let compute = Compute::new(1).unwrap();
         let (mut parameters, running) = parameters(1);
         parameters[running.mean].value.data_mut()[0] = 2.0;

@@ -12,13 +12,13 @@ pub(super) struct Affine {
 }
 
 /// `out = a (x - mean) + b`, and ReLU.
-pub(super) struct Normalise<'a> {
+pub(super) struct Normalize<'a> {
     pub affine: &'a Affine,
     pub x: &'a [f32],
     pub out: &'a mut [f32],
 }
 
-impl Kernel for Normalise<'_> {
+impl Kernel for Normalize<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -133,7 +133,7 @@ impl Kernel for WeightGradient<'_> {
     }
 }
 
-/// One register tile: neighbouring inputs of a window's row x a block of output channels.
+/// One register tile: neighboring inputs of a window's row x a block of output channels.
 pub(super) struct Tile<'a> {
     pub input: &'a [f32],    // from the first position's first input on
     pub input_row: usize,    // from one output row's to the next one's

@@ -1,10 +1,10 @@
-//! The target's colours: where a frame has them, and how far what was found has them.
+//! The target's colors: where a frame has them, and how far what was found has them.
 //!
-//! A colour is red's and blue's share of the light, which stay alike in sun and shade, and brightness, in few steps. Two histograms, of the
-//! target's colours and of the whole view's. A place is as promising as the mean of their log ratio in a
-//! box of the target's size there (the Bayes classifier of colours that Bertinetto et al., "Staple", CVPR 2016, section 3.3, track with):
+//! A color is red's and blue's share of the light, which stay alike in sun and shade, and brightness, in few steps. Two histograms, of the
+//! target's colors and of the whole view's. A place is as promising as the mean of their log ratio in a
+//! box of the target's size there (the Bayes classifier of colors that Bertinetto et al., "Staple", CVPR 2016, section 3.3, track with):
 //! that says in which order places are looked at. What is found there is compared with the target by the Bhattacharyya coefficient of their
-//! histograms (Comaniciu, Ramesh, Meer, "Kernel-based object tracking", PAMI 2003, section 3.2): the network hardly sees colours, which tell
+//! histograms (Comaniciu, Ramesh, Meer, "Kernel-based object tracking", PAMI 2003, section 3.2): the network hardly sees colors, which tell
 //! most objects of one kind apart.
 
 use crate::bbox::CenterBox;
@@ -12,10 +12,10 @@ use crate::frame::Frame;
 
 /// Levels of red's share, of blue's, and of brightness.
 const LEVELS: [usize; 3] = [12, 12, 3];
-const COLOURS: usize = LEVELS[0] * LEVELS[1] * LEVELS[2];
+const COLORS: usize = LEVELS[0] * LEVELS[1] * LEVELS[2];
 /// How much more or less than its third of the light a channel has at its last and first level.
 const VIVID: f32 = 0.2;
-/// Added to every channel: what is almost black has no colour.
+/// Added to every channel: what is almost black has no color.
 const DARK: f32 = 7.0;
 /// Samples per axis of the target,
 const TARGET_SAMPLES: (usize, usize) = (16, 16);
@@ -26,23 +26,23 @@ const CELLS: f64 = 6.0;
 const MOST_CELLS: f64 = 65536.0;
 /// Share of a new observation in the histograms.
 const LEARNING: f32 = 0.05;
-/// Share that every colour is taken to have at least.
+/// Share that every color is taken to have at least.
 const LEAST: f32 = 2e-3;
 /// Share of the target's box that is looked at: its corners mostly show something else.
 const INNER: f32 = 0.8;
 
-/// What the target's colours are, and the view's.
+/// What the target's colors are, and the view's.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Colours {
-    target: Vec<f32>, // [COLOURS]: shares; empty before the first look
-    view: Vec<f32>,   // [COLOURS]: shares
-    heat: Vec<f32>,   // [COLOURS]: log ratio
+pub(super) struct Colors {
+    target: Vec<f32>, // [COLORS]: shares; empty before the first look
+    view: Vec<f32>,   // [COLORS]: shares
+    heat: Vec<f32>,   // [COLORS]: log ratio
     sums: Vec<f64>,   // integral image of the frame's heat, one row and column more than cells
-    here: Vec<f32>,   // [COLOURS]: shares of what is compared
+    here: Vec<f32>,   // [COLORS]: shares of what is compared
     usual: f64,       // running mean of the target's own coefficient
 }
 
-impl Colours {
+impl Colors {
     /// Forgets the target.
     pub(super) fn clear(&mut self) {
         self.target.clear();
@@ -59,7 +59,7 @@ impl Colours {
             self.usual + f64::from(rate) * (self.coefficient(frame, bbox) - self.usual)
         };
         for histogram in [&mut self.target, &mut self.view] {
-            histogram.resize(COLOURS, 0.0);
+            histogram.resize(COLORS, 0.0);
             histogram.iter_mut().for_each(|share| *share *= 1.0 - rate);
         }
         count(frame, inner(bbox), TARGET_SAMPLES, rate, &mut self.target);
@@ -67,23 +67,23 @@ impl Colours {
         count(frame, all, VIEW_SAMPLES, rate, &mut self.view);
     }
 
-    /// How far what is in a box has the target's colours, in `[0, 1]`: 1 if as far as the target itself does from one frame to the next; 0
-    /// before anything was learnt.
+    /// How far what is in a box has the target's colors, in `[0, 1]`: 1 if as far as the target itself does from one frame to the next; 0
+    /// before anything was learned.
     pub(super) fn likeness(&mut self, frame: &Frame<'_>, bbox: &CenterBox) -> f64 {
         (self.coefficient(frame, bbox) / self.usual.max(0.1)).min(1.0)
     }
 
-    /// Bhattacharyya coefficient of a box's colours with the target's.
+    /// Bhattacharyya coefficient of a box's colors with the target's.
     fn coefficient(&mut self, frame: &Frame<'_>, bbox: &CenterBox) -> f64 {
         self.here.clear();
-        self.here.resize(COLOURS, 0.0);
+        self.here.resize(COLORS, 0.0);
         count(frame, inner(bbox), TARGET_SAMPLES, 1.0, &mut self.here);
         let both = self.target.iter().zip(&self.here);
         both.map(|(target, here)| f64::from((target * here).sqrt())).sum()
     }
 
-    /// The centre of the place of a box's size that has the target's colours most, among those that are `allowed`; `None` before
-    /// anything was learnt or if none is allowed.
+    /// The center of the place of a box's size that has the target's colors most, among those that are `allowed`; `None` before
+    /// anything was learned or if none is allowed.
     pub(super) fn hottest(
         &mut self,
         frame: &Frame<'_>,
@@ -127,8 +127,8 @@ impl Colours {
         for row in 0..rows {
             let mut line = 0.0;
             for column in 0..columns {
-                let colour = nearest(colour_at(frame, column * step + step / 2, row * step + step / 2));
-                line += f64::from(self.heat[colour]);
+                let color = nearest(color_at(frame, column * step + step / 2, row * step + step / 2));
+                line += f64::from(self.heat[color]);
                 self.sums[(row + 1) * (columns + 1) + column + 1] =
                     self.sums[row * (columns + 1) + column + 1] + line;
             }
@@ -142,7 +142,7 @@ fn inner(bbox: &CenterBox) -> (f32, f32, f32, f32) {
     (bbox.cx - 0.5 * w, bbox.cy - 0.5 * h, w, h)
 }
 
-/// Adds the colours of a region (left, top, width, height) to a histogram, `rate` in all. Each is shared out to the levels around it, so that a
+/// Adds the colors of a region (left, top, width, height) to a histogram, `rate` in all. Each is shared out to the levels around it, so that a
 /// little more or less light changes little.
 fn count(
     frame: &Frame<'_>,
@@ -156,10 +156,10 @@ fn count(
         let y = top + height * (row as f32 + 0.5) / rows as f32;
         for column in 0..columns {
             let x = left + width * (column as f32 + 0.5) / columns as f32;
-            let colour = colour_at(frame, x.max(0.0) as usize, y.max(0.0) as usize);
+            let color = color_at(frame, x.max(0.0) as usize, y.max(0.0) as usize);
             for corner in 0..8 {
                 let (mut index, mut part) = (0, share);
-                for (axis, (level, levels)) in colour.into_iter().zip(LEVELS).enumerate() {
+                for (axis, (level, levels)) in color.into_iter().zip(LEVELS).enumerate() {
                     let up = corner >> axis & 1;
                     part *= if up == 1 { level.fract() } else { 1.0 - level.fract() };
                     index = index * levels + (level as usize + up).min(levels - 1);
@@ -170,13 +170,13 @@ fn count(
     }
 }
 
-/// Index of the levels nearest to a colour.
-fn nearest(colour: [f32; 3]) -> usize {
-    colour.into_iter().zip(LEVELS).fold(0, |index, (level, levels)| index * levels + (level + 0.5) as usize)
+/// Index of the levels nearest to a color.
+fn nearest(color: [f32; 3]) -> usize {
+    color.into_iter().zip(LEVELS).fold(0, |index, (level, levels)| index * levels + (level + 0.5) as usize)
 }
 
-/// The colour of the pixel there, or of the nearest one, in levels, `0.0..=levels - 1`.
-fn colour_at(frame: &Frame<'_>, x: usize, y: usize) -> [f32; 3] {
+/// The color of the pixel there, or of the nearest one, in levels, `0.0..=levels - 1`.
+fn color_at(frame: &Frame<'_>, x: usize, y: usize) -> [f32; 3] {
     let (offsets, step) = (frame.order().bgr_offsets(), frame.order().bytes_per_pixel());
     let pixel = &frame.row(y.min(frame.height() - 1))[x.min(frame.width() - 1) * step..];
     let [blue, green, red] = offsets.map(|offset| f32::from(pixel[offset]) + DARK);
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
     use crate::frame::ChannelOrder;
 
-    /// Grey ground with a red box of 16 x 10 pixels and one that is half red.
+    /// Gray ground with a red box of 16 x 10 pixels and one that is half red.
     fn picture(red: (usize, usize), half: (usize, usize)) -> Vec<u8> {
         let mut data = [90u8, 95, 85].repeat(160 * 90);
         for (at, every) in [(red, 1), (half, 2)] {
@@ -205,51 +205,51 @@ mod tests {
     }
 
     #[test]
-    fn the_hottest_place_has_the_targets_colours() {
+    fn the_hottest_place_has_the_targets_colors() {
         let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
-        let mut colours = Colours::default();
+        let mut colors = Colors::default();
         let data = picture((30, 20), (100, 20));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
-        assert_eq!(colours.hottest(&frame, &size, |_, _| true), None);
-        colours.learn(&frame, &size, 1.0);
+        assert_eq!(colors.hottest(&frame, &size, |_, _| true), None);
+        colors.learn(&frame, &size, 1.0);
         let data = picture((120, 60), (20, 40));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
         let near = |(x, y): (f32, f32), at: (f32, f32)| (x - at.0).abs() <= 3.0 && (y - at.1).abs() <= 3.0;
-        let (x, y) = colours.hottest(&frame, &size, |_, _| true).unwrap();
+        let (x, y) = colors.hottest(&frame, &size, |_, _| true).unwrap();
         assert!(near((x, y), (128.0, 65.0)), "{x} {y}");
-        let (x, y) = colours.hottest(&frame, &size, |x, _| x < 100.0).unwrap();
+        let (x, y) = colors.hottest(&frame, &size, |x, _| x < 100.0).unwrap();
         assert!(near((x, y), (28.0, 45.0)), "{x} {y}");
-        assert_eq!(colours.hottest(&frame, &size, |_, _| false), None);
+        assert_eq!(colors.hottest(&frame, &size, |_, _| false), None);
         let at = |cx: f32, cy: f32| CenterBox { cx, cy, ..size };
         let [all, half, none] =
-            [at(128.0, 65.0), at(28.0, 45.0), at(80.0, 20.0)].map(|place| colours.likeness(&frame, &place));
+            [at(128.0, 65.0), at(28.0, 45.0), at(80.0, 20.0)].map(|place| colors.likeness(&frame, &place));
         assert!(all > 0.99 && (0.6..0.8).contains(&half) && none == 0.0, "{all} {half} {none}");
-        colours.clear();
-        assert_eq!(colours.likeness(&frame, &size), 0.0);
-        assert_eq!(colours.hottest(&frame, &size, |_, _| true), None);
+        colors.clear();
+        assert_eq!(colors.likeness(&frame, &size), 0.0);
+        assert_eq!(colors.hottest(&frame, &size, |_, _| true), None);
     }
 
     #[test]
-    fn colours_stay_themselves_in_the_shade() {
+    fn colors_stay_themselves_in_the_shade() {
         let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
         let sunny = picture((30, 20), (100, 20));
         let shady: Vec<u8> = sunny.iter().map(|channel| (f32::from(*channel) * 0.6) as u8).collect();
-        let mut colours = Colours::default();
-        colours.learn(&Frame::new(&sunny, 160, 90, ChannelOrder::Rgb).unwrap(), &size, 1.0);
+        let mut colors = Colors::default();
+        colors.learn(&Frame::new(&sunny, 160, 90, ChannelOrder::Rgb).unwrap(), &size, 1.0);
         let shady = Frame::new(&shady, 160, 90, ChannelOrder::Rgb).unwrap();
         let [target, ground] =
-            [size, CenterBox { cx: 80.0, cy: 60.0, ..size }].map(|place| colours.likeness(&shady, &place));
+            [size, CenterBox { cx: 80.0, cy: 60.0, ..size }].map(|place| colors.likeness(&shady, &place));
         assert!(target > 0.6 && ground < 0.1, "{target} {ground}");
     }
 
     #[test]
-    fn grey_pictures_have_brightness_left() {
+    fn gray_pictures_have_brightness_left() {
         let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
-        let mut colours = Colours::default();
+        let mut colors = Colors::default();
         let halves: Vec<u8> = (0..160 * 90).map(|i| if i % 160 < 80 { 40 } else { 220 }).collect();
         let frame = Frame::new(&halves, 160, 90, ChannelOrder::Gray).unwrap();
-        colours.learn(&frame, &size, 1.0);
-        assert!(colours.likeness(&frame, &CenterBox { cx: 120.0, ..size }) < 0.3);
+        colors.learn(&frame, &size, 1.0);
+        assert!(colors.likeness(&frame, &CenterBox { cx: 120.0, ..size }) < 0.3);
     }
 
     #[test]
@@ -258,10 +258,10 @@ mod tests {
         for (width, height) in [(1, 1), (3, 700), (700, 2)] {
             let data = vec![7u8; width * height];
             let frame = Frame::new(&data, width, height, ChannelOrder::Gray).unwrap();
-            let mut colours = Colours::default();
-            colours.learn(&frame, &size, 1.0);
-            assert!(colours.hottest(&frame, &size, |_, _| true).is_some());
-            assert!(colours.likeness(&frame, &size) > 0.99);
+            let mut colors = Colors::default();
+            colors.learn(&frame, &size, 1.0);
+            assert!(colors.hottest(&frame, &size, |_, _| true).is_some());
+            assert!(colors.likeness(&frame, &size) > 0.99);
         }
     }
 }
