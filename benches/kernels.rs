@@ -16,7 +16,9 @@ use weights_format::{Architecture, Branch, LayerKind, Widths};
 /// One number that depends on every chain, so that none is left out.
 #[inline(always)]
 fn total<S: Simd>(simd: S, sums: [S::F32; Peak::CHAINS]) -> f32 {
-    let all = sums.into_iter().fold(simd.zero(), |all, sum| simd.add(all, sum));
+    let all = sums
+        .into_iter()
+        .fold(simd.zero(), |all, sum| simd.add(all, sum));
     let mut out = vec![0.0; S::LANES];
     simd.store(all, &mut out);
     out[0]
@@ -65,7 +67,10 @@ impl DotKernel for Peak {
                 *sum = dot.dot(x, weights, *sum);
             }
         }
-        black_box(total(dot.float(), sums.map(|sums| dot.to_f32(dot.of_pixel(sums, 0)))));
+        black_box(total(
+            dot.float(),
+            sums.map(|sums| dot.to_f32(dot.of_pixel(sums, 0))),
+        ));
         D::PIXELS * D::QUADS * 4
     }
 }
@@ -120,23 +125,40 @@ fn peaks(isa: Isa) -> [f64; 3] {
     let int16 = median(5, || {
         black_box(isa.run_dot(Int16Peak { rounds }));
     });
-    [operations / floats / 1e9, products as f64 * operations / bytes / 1e9, 2.0 * operations / int16 / 1e9]
+    [
+        operations / floats / 1e9,
+        products as f64 * operations / bytes / 1e9,
+        2.0 * operations / int16 / 1e9,
+    ]
 }
 
 fn main() {
-    let args: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let args: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|a| !a.starts_with("--"))
+        .collect();
     let full = args.iter().any(|a| a == "full");
     let asked = |names: &[&str], name: &str| {
         !args.iter().any(|a| names.contains(&a.as_str())) || args.iter().any(|a| a == name)
     };
     let isas: Vec<Isa> = Isa::available();
     let names: Vec<_> = isas.iter().map(|isa| isa.name()).collect();
-    let isas: Vec<Isa> = isas.into_iter().filter(|isa| asked(&names, isa.name())).collect();
-    let range = Quantization { scale: 1.0 / 128.0, zero_point: 128 };
+    let isas: Vec<Isa> = isas
+        .into_iter()
+        .filter(|isa| asked(&names, isa.name()))
+        .collect();
+    let range = Quantization {
+        scale: 1.0 / 128.0,
+        zero_point: 128,
+    };
     let all = || Algorithm::ALL.into_iter().chain(Algorithm::integers(range));
     let names: Vec<_> = all().map(Algorithm::name).collect();
     let algorithms: Vec<_> = all().filter(|a| asked(&names, a.name())).collect();
-    let widths = if full { Widths::FULL } else { Widths::pruned(0.5) };
+    let widths = if full {
+        Widths::FULL
+    } else {
+        Widths::pruned(0.5)
+    };
     let architecture = Architecture::new(widths, None);
     let threads = Threads::new(1);
     println!(
@@ -163,7 +185,12 @@ fn main() {
         let side = match layer.name.as_str() {
             "neck.search_reg" => side + 2,
             "head.reg1" => {
-                architecture.layers().iter().find(|l| l.name == "correlation.cls").unwrap().out_search
+                architecture
+                    .layers()
+                    .iter()
+                    .find(|l| l.name == "correlation.cls")
+                    .unwrap()
+                    .out_search
             }
             "head.centerness" | "head.offsets" => layer.out_search,
             _ => side,
@@ -173,9 +200,16 @@ fn main() {
         }
         let shape = conv_shape(&layer);
         let size = Size::square(side);
-        let values = |n: usize| (0..n).map(|i| ((i * 7919) % 1000) as f32 / 500.0 - 1.0).collect::<Vec<_>>();
+        let values = |n: usize| {
+            (0..n)
+                .map(|i| ((i * 7919) % 1000) as f32 / 500.0 - 1.0)
+                .collect::<Vec<_>>()
+        };
         let weights = values(shape.out_channels * shape.kernel * shape.kernel * shape.in_channels);
-        let (bias, input) = (values(shape.out_channels), values(size.area() * shape.in_channels));
+        let (bias, input) = (
+            values(shape.out_channels),
+            values(size.area() * shape.in_channels),
+        );
         let mut out = vec![0.0; shape.out_size(size).area() * shape.out_channels];
         let gflop = 2.0 * shape.macs(size) as f64 / 1e9;
         print!("{:18} {:7.1}", layer.name, gflop * 500.0);
@@ -195,12 +229,18 @@ fn main() {
                     Algorithm::Winograd6Int16(_) | Algorithm::Winograd8Int16(_) => peak[2],
                     _ => peak[0],
                 };
-                print!(" | {:7.3} ({rate:4.0}, {:3.0} %)", seconds * 1e3, 100.0 * rate / peak);
+                print!(
+                    " | {:7.3} ({rate:4.0}, {:3.0} %)",
+                    seconds * 1e3,
+                    100.0 * rate / peak
+                );
             }
         }
         println!();
     }
     print!("{:18} {:7}", "sum", "");
-    totals.iter().for_each(|t| print!(" | {:7.3} ms{:13}", t * 1e3, ""));
+    totals
+        .iter()
+        .for_each(|t| print!(" | {:7.3} ms{:13}", t * 1e3, ""));
     println!();
 }

@@ -29,9 +29,11 @@ impl Adaptive {
 
     /// Takes note of what a search chose in a crop with this middle; whether that may stand, if it was the smaller crop.
     pub(crate) fn note(&mut self, choice: Option<&Choice>, middle: f64) -> bool {
-        let near = |at: f32| (f64::from(at) - middle).abs() <= SHIFT * Architecture::TOTAL_STRIDE as f64;
-        let calm = choice
-            .is_some_and(|c| c.score >= SCORE && c.penalty >= PENALTY && near(c.bbox.cx) && near(c.bbox.cy));
+        let near =
+            |at: f32| (f64::from(at) - middle).abs() <= SHIFT * Architecture::TOTAL_STRIDE as f64;
+        let calm = choice.is_some_and(|c| {
+            c.score >= SCORE && c.penalty >= PENALTY && near(c.bbox.cx) && near(c.bbox.cy)
+        });
         self.calm = if calm { self.calm + 1 } else { 0 };
         calm
     }
@@ -48,8 +50,20 @@ mod tests {
     use crate::bbox::CenterBox;
 
     fn choice(cx: f32, score: f64) -> Choice {
-        let bbox = CenterBox { cx, cy: 151.0, w: 60.0, h: 60.0 };
-        Choice { index: 0, bbox, score, response: 0.0, penalty: 1.0, penalized_score: score }
+        let bbox = CenterBox {
+            cx,
+            cy: 151.0,
+            w: 60.0,
+            h: 60.0,
+        };
+        Choice {
+            index: 0,
+            bbox,
+            score,
+            response: 0.0,
+            penalty: 1.0,
+            penalized_score: score,
+        }
     }
 
     #[test]

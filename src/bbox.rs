@@ -38,12 +38,19 @@ impl BBox {
     /// The same box by its center.
     pub fn center(&self) -> CenterBox {
         let (cx, cy) = (self.x + (self.w - 1.0) / 2.0, self.y + (self.h - 1.0) / 2.0);
-        CenterBox { cx, cy, w: self.w, h: self.h }
+        CenterBox {
+            cx,
+            cy,
+            w: self.w,
+            h: self.h,
+        }
     }
 
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
-        [self.x, self.y, self.w, self.h].iter().all(|v| v.is_finite())
+        [self.x, self.y, self.w, self.h]
+            .iter()
+            .all(|v| v.is_finite())
     }
 
     /// Area in square pixels; 0 for an empty or inverted box.
@@ -57,7 +64,11 @@ impl BBox {
         let h = (self.y + self.h).min(other.y + other.h) - self.y.max(other.y);
         let intersection = w.max(0.0) * h.max(0.0);
         let union = self.area() + other.area() - intersection;
-        if union > 0.0 { intersection / union } else { 0.0 }
+        if union > 0.0 {
+            intersection / union
+        } else {
+            0.0
+        }
     }
 
     /// Distance between the centers in pixels.
@@ -70,7 +81,12 @@ impl BBox {
 impl CenterBox {
     /// The same box by its corner.
     pub fn corner(&self) -> BBox {
-        BBox::new(self.cx - (self.w - 1.0) / 2.0, self.cy - (self.h - 1.0) / 2.0, self.w, self.h)
+        BBox::new(
+            self.cx - (self.w - 1.0) / 2.0,
+            self.cy - (self.h - 1.0) / 2.0,
+            self.w,
+            self.h,
+        )
     }
 
     /// Keeps the center inside a `width` x `height` frame and the size between `min_size` and the frame's.
@@ -111,9 +127,29 @@ mod tests {
 
     #[test]
     fn clamps_to_the_frame() {
-        let c = CenterBox { cx: -5.0, cy: 700.0, w: 3.0, h: 900.0 }.clamped(640, 360, 10.0);
-        assert_eq!(c, CenterBox { cx: 0.0, cy: 360.0, w: 10.0, h: 360.0 });
-        let tiny = CenterBox { cx: 1.0, cy: 1.0, w: 5.0, h: 5.0 }.clamped(4, 300, 10.0);
+        let c = CenterBox {
+            cx: -5.0,
+            cy: 700.0,
+            w: 3.0,
+            h: 900.0,
+        }
+        .clamped(640, 360, 10.0);
+        assert_eq!(
+            c,
+            CenterBox {
+                cx: 0.0,
+                cy: 360.0,
+                w: 10.0,
+                h: 360.0
+            }
+        );
+        let tiny = CenterBox {
+            cx: 1.0,
+            cy: 1.0,
+            w: 5.0,
+            h: 5.0,
+        }
+        .clamped(4, 300, 10.0);
         assert_eq!((tiny.w, tiny.h), (4.0, 10.0));
     }
 }

@@ -22,7 +22,10 @@ pub(crate) struct Correction {
 
 impl Correction {
     /// Leaves boxes as they are.
-    pub(crate) const NONE: Correction = Correction { stretch: [1.0; 2], shift: [0.0; 2] };
+    pub(crate) const NONE: Correction = Correction {
+        stretch: [1.0; 2],
+        shift: [0.0; 2],
+    };
 
     /// What takes a `share` of the way from the box that was found to the true one; nothing if that is not finite.
     pub(crate) fn between(found: &CenterBox, truth: &CenterBox, share: f64) -> Correction {
@@ -35,10 +38,20 @@ impl Correction {
         };
         let correction = Correction {
             stretch: [stretch(found.w, truth.w), stretch(found.h, truth.h)],
-            shift: [shift(found.cx, truth.cx, truth.w), shift(found.cy, truth.cy, truth.h)],
+            shift: [
+                shift(found.cx, truth.cx, truth.w),
+                shift(found.cy, truth.cy, truth.h),
+            ],
         };
-        let Correction { stretch: [w, h], shift: [x, y] } = correction;
-        if [w, h, x, y].iter().all(|v| v.is_finite()) { correction } else { Correction::NONE }
+        let Correction {
+            stretch: [w, h],
+            shift: [x, y],
+        } = correction;
+        if [w, h, x, y].iter().all(|v| v.is_finite()) {
+            correction
+        } else {
+            Correction::NONE
+        }
     }
 
     /// Corrects offsets in place: distances from each cell's center to its box's left, top, right and bottom edge, `[cells, 4]`.
@@ -69,8 +82,18 @@ mod tests {
 
     #[test]
     fn all_of_the_error_leads_to_the_truth_and_a_share_part_of_the_way() {
-        let found = CenterBox { cx: 150.0, cy: 152.0, w: 40.0, h: 60.0 };
-        let truth = CenterBox { cx: 151.0, cy: 148.0, w: 50.0, h: 54.0 };
+        let found = CenterBox {
+            cx: 150.0,
+            cy: 152.0,
+            w: 40.0,
+            h: 60.0,
+        };
+        let truth = CenterBox {
+            cx: 151.0,
+            cy: 148.0,
+            w: 50.0,
+            h: 54.0,
+        };
         let offsets = [19.5, 29.5, 19.5, 29.5]; // `found`, of the cell at its center
         let mut whole = offsets;
         Correction::between(&found, &truth, 1.0).apply(&mut whole);
@@ -80,22 +103,52 @@ mod tests {
         let mut half = offsets;
         Correction::between(&found, &truth, 0.5).apply(&mut half);
         let [w, h, x, y] = decoded(half);
-        assert!((w - (40.0f32 * 50.0).sqrt()).abs() < 1e-3 && (h - (60.0f32 * 54.0).sqrt()).abs() < 1e-3);
+        assert!(
+            (w - (40.0f32 * 50.0).sqrt()).abs() < 1e-3
+                && (h - (60.0f32 * 54.0).sqrt()).abs() < 1e-3
+        );
         assert!(x > 0.0 && x < 1.0 && y < 0.0 && y > -4.0, "{half:?}");
     }
 
     #[test]
     fn no_share_changes_nothing_and_absurd_errors_little() {
-        let truth = CenterBox { cx: 151.0, cy: 151.0, w: 50.0, h: 54.0 };
-        let far = CenterBox { cx: 0.0, cy: 300.0, w: 1.0, h: 300.0 };
+        let truth = CenterBox {
+            cx: 151.0,
+            cy: 151.0,
+            w: 50.0,
+            h: 54.0,
+        };
+        let far = CenterBox {
+            cx: 0.0,
+            cy: 300.0,
+            w: 1.0,
+            h: 300.0,
+        };
         assert_eq!(Correction::between(&far, &truth, 0.0), Correction::NONE);
         let wild = Correction::between(&far, &truth, 1.0);
         assert_eq!(wild.shift, [MAX_SHIFT, -MAX_SHIFT]);
         assert_eq!(wild.stretch, [MAX_STRETCH.exp(), (-MAX_STRETCH).exp()]);
         for broken in [f32::NAN, f32::INFINITY] {
-            let found = CenterBox { cx: broken, ..truth };
-            assert_eq!(Correction::between(&found, &truth, 1.0).stretch, [1.0; 2], "{broken}");
+            let found = CenterBox {
+                cx: broken,
+                ..truth
+            };
+            assert_eq!(
+                Correction::between(&found, &truth, 1.0).stretch,
+                [1.0; 2],
+                "{broken}"
+            );
         }
-        assert_eq!(Correction::between(&CenterBox { w: f32::NAN, ..truth }, &truth, 1.0), Correction::NONE);
+        assert_eq!(
+            Correction::between(
+                &CenterBox {
+                    w: f32::NAN,
+                    ..truth
+                },
+                &truth,
+                1.0
+            ),
+            Correction::NONE
+        );
     }
 }

@@ -34,7 +34,12 @@ impl Region {
     /// Its side is rounded, ties to even, and at least 2.
     pub fn around(target: &CenterBox, scale: f64, crop_side: usize) -> Region {
         let side = (crop_side as f64 / scale).round_ties_even().max(2.0);
-        Region { cx: f64::from(target.cx), cy: f64::from(target.cy), side, crop_side }
+        Region {
+            cx: f64::from(target.cx),
+            cy: f64::from(target.cy),
+            side,
+            crop_side,
+        }
     }
 
     /// Where the crop's pixels lie in the frame: the outermost pixel centers of both coincide.
@@ -71,12 +76,23 @@ impl Cropper {
     ) {
         let pixels = Pixels {
             data: frame.data(),
-            size: Size { h: frame.height(), w: frame.width() },
+            size: Size {
+                h: frame.height(),
+                w: frame.width(),
+            },
             stride: frame.stride(),
             bytes_per_pixel: frame.order().bytes_per_pixel(),
             offsets: frame.order().bgr_offsets(),
         };
-        resample(isa, threads, &pixels, border, &region.grid(), &mut self.scratch, out);
+        resample(
+            isa,
+            threads,
+            &pixels,
+            border,
+            &region.grid(),
+            &mut self.scratch,
+            out,
+        );
     }
 }
 
@@ -107,7 +123,14 @@ mod tests {
 
     fn cut(frame: &Frame<'_>, region: &Region, border: [u8; 3]) -> Vec<u8> {
         let mut out = vec![0; region.crop_side * region.crop_side * 3];
-        Cropper::default().cut(Isa::detect(), &Threads::new(1), frame, region, border, &mut out);
+        Cropper::default().cut(
+            Isa::detect(),
+            &Threads::new(1),
+            frame,
+            region,
+            border,
+            &mut out,
+        );
         out
     }
 
@@ -115,18 +138,41 @@ mod tests {
     fn constant_frames_stay_constant() {
         let data = [10u8, 20, 30].repeat(50 * 40);
         let frame = Frame::new(&data, 50, 40, ChannelOrder::Bgr).unwrap();
-        let target = CenterBox { cx: 12.3, cy: 31.7, w: 11.0, h: 7.0 };
+        let target = CenterBox {
+            cx: 12.3,
+            cy: 31.7,
+            w: 11.0,
+            h: 7.0,
+        };
         let region = Region::around(&target, scale(11.0, 7.0, 0.5, 127), 303);
-        assert!(cut(&frame, &region, frame.mean_bgr()).chunks(3).all(|p| p == [10, 20, 30]));
+        assert!(
+            cut(&frame, &region, frame.mean_bgr())
+                .chunks(3)
+                .all(|p| p == [10, 20, 30])
+        );
     }
 
     #[test]
     fn outside_is_border_and_half_pixels_are_means() {
         let data = [0u8, 100, 200, 50];
         let frame = Frame::new(&data, 2, 2, ChannelOrder::Gray).unwrap();
-        let outside = Region { cx: -50.0, cy: 300.0, side: 9.0, crop_side: 5 };
-        assert!(cut(&frame, &outside, [1, 2, 3]).chunks(3).all(|p| p == [1, 2, 3]));
-        let middle = Region { cx: 0.5, cy: 0.5, side: 2.0, crop_side: 3 };
+        let outside = Region {
+            cx: -50.0,
+            cy: 300.0,
+            side: 9.0,
+            crop_side: 5,
+        };
+        assert!(
+            cut(&frame, &outside, [1, 2, 3])
+                .chunks(3)
+                .all(|p| p == [1, 2, 3])
+        );
+        let middle = Region {
+            cx: 0.5,
+            cy: 0.5,
+            side: 2.0,
+            crop_side: 3,
+        };
         let crop = cut(&frame, &middle, [9; 3]);
         assert_eq!(crop[3..6], [50; 3]);
         assert_eq!(crop[12..15], [88; 3]); // 87.5, ties to even

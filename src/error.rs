@@ -79,7 +79,9 @@ pub enum ModelError {
     #[error(transparent)]
     Architecture(#[from] weights_format::ArchitectureError),
     /// Precision `int8` of weights that nobody calibrated for it.
-    #[error("model '{name}' has no calibration, which precision int8 needs: make one with `train quantize`")]
+    #[error(
+        "model '{name}' has no calibration, which precision int8 needs: make one with `train quantize`"
+    )]
     NoCalibration {
         /// Name in the weights file.
         name: String,

@@ -63,11 +63,19 @@ mod tests {
     fn other_extents_show_the_same_cells() {
         let architecture = Architecture::new(Widths::FULL, None);
         let views = Views::new(&architecture);
-        for (extent, side, cells, middle) in
-            [(Extent::Inner, 239, 9, 119.0), (Extent::Full, 303, 17, 151.0), (Extent::Wide, 399, 29, 199.0)]
-        {
-            let View { side: found, selector } = views.of(extent);
-            let other = Architecture { search_size: side, ..architecture };
+        for (extent, side, cells, middle) in [
+            (Extent::Inner, 239, 9, 119.0),
+            (Extent::Full, 303, 17, 151.0),
+            (Extent::Wide, 399, 29, 199.0),
+        ] {
+            let View {
+                side: found,
+                selector,
+            } = views.of(extent);
+            let other = Architecture {
+                search_size: side,
+                ..architecture
+            };
             assert_eq!((*found, selector.side()), (side, cells));
             assert_eq!(other.score_size(), cells);
             assert_eq!(selector.geometry(), (other.score_offset() as f64, middle));

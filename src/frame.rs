@@ -55,8 +55,19 @@ impl<'a> Frame<'a> {
     ///
     /// # Errors
     /// As [`with_stride`](Self::with_stride).
-    pub fn new(data: &'a [u8], width: usize, height: usize, order: ChannelOrder) -> Result<Self, FrameError> {
-        Self::with_stride(data, width, height, width.saturating_mul(order.bytes_per_pixel()), order)
+    pub fn new(
+        data: &'a [u8],
+        width: usize,
+        height: usize,
+        order: ChannelOrder,
+    ) -> Result<Self, FrameError> {
+        Self::with_stride(
+            data,
+            width,
+            height,
+            width.saturating_mul(order.bytes_per_pixel()),
+            order,
+        )
     }
 
     /// A frame whose rows start `stride` bytes apart.
@@ -72,17 +83,33 @@ impl<'a> Frame<'a> {
         order: ChannelOrder,
     ) -> Result<Self, FrameError> {
         if !(1..=Self::MAX_SIDE).contains(&width) || !(1..=Self::MAX_SIDE).contains(&height) {
-            return Err(FrameError::Size { width, height, max: Self::MAX_SIDE });
+            return Err(FrameError::Size {
+                width,
+                height,
+                max: Self::MAX_SIDE,
+            });
         }
         let row = width * order.bytes_per_pixel();
         if stride < row {
-            return Err(FrameError::Stride { stride, expected: row });
+            return Err(FrameError::Stride {
+                stride,
+                expected: row,
+            });
         }
         let expected = stride.saturating_mul(height - 1).saturating_add(row);
         if data.len() < expected {
-            return Err(FrameError::Data { found: data.len(), expected });
+            return Err(FrameError::Data {
+                found: data.len(),
+                expected,
+            });
         }
-        Ok(Frame { data, width, height, stride, order })
+        Ok(Frame {
+            data,
+            width,
+            height,
+            stride,
+            order,
+        })
     }
 
     /// Width in pixels.
@@ -148,7 +175,10 @@ mod tests {
             (Frame::new(&data, 1 << 16, 1, ChannelOrder::Gray), "65536x1"),
             (Frame::new(&data, 5, 3, ChannelOrder::Rgb), "45"),
             (Frame::with_stride(&data, 5, 2, 14, ChannelOrder::Rgb), "15"),
-            (Frame::with_stride(&data, 5, 2, usize::MAX, ChannelOrder::Rgb), "30"),
+            (
+                Frame::with_stride(&data, 5, 2, usize::MAX, ChannelOrder::Rgb),
+                "30",
+            ),
         ] {
             let message = error.unwrap_err().to_string();
             assert!(message.contains(expected), "{message}");

@@ -11,7 +11,9 @@ use kernels::quant::Quantization;
 use kernels::{Isa, Size};
 use std::path::Path;
 use std::sync::Arc;
-use weights_format::{Architecture, EncoderPosition, Header, InputNormalization, Layer, LayerKind, Weights};
+use weights_format::{
+    Architecture, EncoderPosition, Header, InputNormalization, Layer, LayerKind, Weights,
+};
 
 /// A model that trackers share: cloning it is cheap.
 #[derive(Clone, Debug)]
@@ -50,7 +52,9 @@ impl Precision {
 
     /// The precision called `name`, as [`name`](Self::name) gives it.
     pub fn from_name(name: &str) -> Option<Precision> {
-        [Precision::F32, Precision::Int8].into_iter().find(|precision| precision.name() == name)
+        [Precision::F32, Precision::Int8]
+            .into_iter()
+            .find(|precision| precision.name() == name)
     }
 
     /// Its name in reports and options.
@@ -112,11 +116,15 @@ impl Model {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn find(model: Option<&Path>) -> Result<Weights, ModelError> {
-        let Some(path) = model else { return Ok(Model::builtin_weights()) };
-        Ok(match BUILTIN.iter().find(|(name, _)| path == Path::new(name)) {
-            Some((_, bytes)) => Weights::from_bytes(bytes)?,
-            None => Weights::read(path)?,
-        })
+        let Some(path) = model else {
+            return Ok(Model::builtin_weights());
+        };
+        Ok(
+            match BUILTIN.iter().find(|(name, _)| path == Path::new(name)) {
+                Some((_, bytes)) => Weights::from_bytes(bytes)?,
+                None => Weights::read(path)?,
+            },
+        )
     }
 
     /// Reads a weights file.
@@ -148,9 +156,15 @@ impl Model {
     ///
     /// # Errors
     /// If the weights do not fit their own architecture, or bytes are asked of weights without calibration.
-    pub fn with_precision(weights: &Weights, isa: Isa, precision: Precision) -> Result<Model, ModelError> {
+    pub fn with_precision(
+        weights: &Weights,
+        isa: Isa,
+        precision: Precision,
+    ) -> Result<Model, ModelError> {
         if precision == Precision::Int8 && weights.header.calibration.is_none() {
-            return Err(ModelError::NoCalibration { name: weights.header.provenance.name.clone() });
+            return Err(ModelError::NoCalibration {
+                name: weights.header.provenance.name.clone(),
+            });
         }
         Model::build(weights, isa, precision, None)
     }
@@ -159,7 +173,11 @@ impl Model {
     ///
     /// # Errors
     /// If the weights do not fit their own architecture.
-    pub fn with_algorithm(weights: &Weights, isa: Isa, algorithm: Algorithm) -> Result<Model, ModelError> {
+    pub fn with_algorithm(
+        weights: &Weights,
+        isa: Isa,
+        algorithm: Algorithm,
+    ) -> Result<Model, ModelError> {
         Model::build(weights, isa, Precision::F32, Some(algorithm))
     }
 
@@ -171,9 +189,23 @@ impl Model {
     ) -> Result<Model, ModelError> {
         weights.check()?;
         let header = weights.header.clone();
-        let builder = Builder { weights, isa, precision, algorithm, specs: header.architecture.layers() };
+        let builder = Builder {
+            weights,
+            isa,
+            precision,
+            algorithm,
+            specs: header.architecture.layers(),
+        };
         let (layers, plan) = (builder.layers(), builder.plan());
-        Ok(Model { inner: Arc::new(Inner { header, isa, precision, layers, plan }) })
+        Ok(Model {
+            inner: Arc::new(Inner {
+                header,
+                isa,
+                precision,
+                layers,
+                plan,
+            }),
+        })
     }
 
     /// What the weights file says about itself.
@@ -223,7 +255,13 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn layers(&self) -> Layers {
         let position = self.weights.header.architecture.encoder.map(|e| e.position);
-        let encoder = |at| if position == Some(at) { self.encoder() } else { Dr::default() };
+        let encoder = |at| {
+            if position == Some(at) {
+                self.encoder()
+            } else {
+                Dr::default()
+            }
+        };
         Layers {
             backbone: Backbone {
                 conv1: self.first_conv(),
@@ -253,27 +291,49 @@ impl Builder<'_> {
     /// E2's convolutions, shared or one set per branch.
     fn encoder(&self) -> Dr {
         let convs = |prefix: &str| -> Vec<Conv> {
-            let names = self.specs.iter().map(|s| &s.name).filter(|name| name.starts_with(prefix));
+            let names = self
+                .specs
+                .iter()
+                .map(|s| &s.name)
+                .filter(|name| name.starts_with(prefix));
             names.map(|name| self.conv(name)).collect()
         };
         let shared = convs("dr.e2.");
         if shared.is_empty() {
-            Dr { template: convs("dr.e2_template."), search: Some(convs("dr.e2_search.")) }
+            Dr {
+                template: convs("dr.e2_template."),
+                search: Some(convs("dr.e2_search.")),
+            }
         } else {
-            Dr { template: shared, search: None }
+            Dr {
+                template: shared,
+                search: None,
+            }
         }
     }
 
     fn conv(&self, name: &str) -> Conv {
         let (layer, weight, bias) = self.parts(name);
-        Conv::new(self.isa, self.algorithm(layer), conv_shape(layer), weight, bias)
+        Conv::new(
+            self.isa,
+            self.algorithm(layer),
+            conv_shape(layer),
+            weight,
+            bias,
+        )
     }
 
     /// conv1 with the input normalization folded in; exact, because it has no padding.
     fn first_conv(&self) -> Conv {
         let (layer, weight, bias) = self.parts("backbone.conv1");
         let (weight, bias) = fold_normalization(&self.weights.header.input, weight, bias);
-        Conv::new(self.isa, self.algorithm(layer), conv_shape(layer), &weight, &bias)
+        Conv::new(
+            self.isa,
+            self.algorithm(layer),
+            conv_shape(layer),
+            &weight,
+            &bias,
+        )
     }
 
     /// The algorithm of a convolution, chosen for the larger of the maps it works on.
@@ -282,7 +342,9 @@ impl Builder<'_> {
         let out = layer.out_search.max(layer.out_template);
         let size = Size::square((out - 1) * shape.stride + shape.kernel - 2 * shape.pad);
         match (self.quantization(layer), self.algorithm) {
-            (Some(quantization), _) => Algorithm::plan_integers(self.isa, &shape, size, quantization),
+            (Some(quantization), _) => {
+                Algorithm::plan_integers(self.isa, &shape, size, quantization)
+            }
             (None, Some(asked)) => asked.supported(&shape),
             (None, None) => Algorithm::plan(&shape, size),
         }
@@ -294,14 +356,16 @@ impl Builder<'_> {
         match (self.precision, layer.name.as_str()) {
             (Precision::F32, _) => None,
             (Precision::Int8, "backbone.conv1") => Some(Quantization::PIXELS),
-            (Precision::Int8, name) => {
-                calibration.inputs.get(name).map(|range| Quantization::of_range(range.low, range.high))
-            }
+            (Precision::Int8, name) => calibration
+                .inputs
+                .get(name)
+                .map(|range| Quantization::of_range(range.low, range.high)),
         }
     }
 
     fn plan(&self) -> Vec<LayerPlan> {
-        let algorithm = |layer: &Layer| (layer.kind == LayerKind::Conv).then(|| self.algorithm(layer));
+        let algorithm =
+            |layer: &Layer| (layer.kind == LayerKind::Conv).then(|| self.algorithm(layer));
         let plan = |layer: &Layer| LayerPlan {
             layer: layer.clone(),
             algorithm: algorithm(layer),
@@ -311,7 +375,11 @@ impl Builder<'_> {
     }
 
     fn parts(&self, name: &str) -> (&Layer, &[f32], &[f32]) {
-        let layer = self.specs.iter().find(|s| s.name == name).expect("every architecture has this layer");
+        let layer = self
+            .specs
+            .iter()
+            .find(|s| s.name == name)
+            .expect("every architecture has this layer");
         let tensor = |suffix: &str| {
             let tensor = self.weights.tensor(&format!("{name}.{suffix}"));
             &tensor.expect("checked weights have every tensor").data[..]
@@ -334,10 +402,17 @@ pub fn conv_shape(layer: &Layer) -> ConvShape {
 
 /// Weights and bias that give on pixels what the given ones (`[Cout, k, k, 3]`, `[Cout]`) give on
 /// `(pixel - mean) / std`.
-fn fold_normalization(input: &InputNormalization, weight: &[f32], bias: &[f32]) -> (Vec<f32>, Vec<f32>) {
+fn fold_normalization(
+    input: &InputNormalization,
+    weight: &[f32],
+    bias: &[f32],
+) -> (Vec<f32>, Vec<f32>) {
     let mut folded = weight.to_vec();
     let mut shifted = bias.to_vec();
-    for (weights, bias) in folded.chunks_exact_mut(weight.len() / bias.len()).zip(&mut shifted) {
+    for (weights, bias) in folded
+        .chunks_exact_mut(weight.len() / bias.len())
+        .zip(&mut shifted)
+    {
         let mut shift = 0.0;
         for pixel in weights.chunks_exact_mut(3) {
             for (channel, weight) in pixel.iter_mut().enumerate() {
@@ -357,16 +432,24 @@ mod tests {
 
     #[test]
     fn normalization_folds_exactly() {
-        let input =
-            InputNormalization { mean: [114.0, 10.0, 0.0], std: [58.0, 2.0, 1.0], ..Default::default() };
+        let input = InputNormalization {
+            mean: [114.0, 10.0, 0.0],
+            std: [58.0, 2.0, 1.0],
+            ..Default::default()
+        };
         let weight = [0.5, -1.0, 2.0, 0.25, 3.0, -0.125]; // one output, a 1x2 kernel
         let (folded, bias) = fold_normalization(&input, &weight, &[0.75]);
         let pixels = [200.0, 3.0, 255.0, 17.0, 90.0, 1.0];
-        let dot =
-            |w: &[f32], x: &dyn Fn(usize) -> f64| -> f64 { (0..6).map(|i| f64::from(w[i]) * x(i)).sum() };
-        let normalized = |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
+        let dot = |w: &[f32], x: &dyn Fn(usize) -> f64| -> f64 {
+            (0..6).map(|i| f64::from(w[i]) * x(i)).sum()
+        };
+        let normalized =
+            |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
         let expected = 0.75 + dot(&weight, &normalized);
         let found = f64::from(bias[0]) + dot(&folded, &|i| pixels[i]);
-        assert!((found - expected).abs() < 1e-4, "{found}, expected {expected}");
+        assert!(
+            (found - expected).abs() < 1e-4,
+            "{found}, expected {expected}"
+        );
     }
 }

@@ -80,11 +80,19 @@ impl OnlineFilter {
     /// Starts with the network's last look, at the first frame; `spot` says where in the response the target is.
     pub(crate) fn begin(&mut self, network: &Network, spot: impl Fn(&[f32]) -> Spot) {
         let (template, search) = network.classification();
-        let shape = FilterShape { size: search.size(), filter: template.size(), channels: search.channels() };
+        let shape = FilterShape {
+            size: search.size(),
+            filter: template.size(),
+            channels: search.channels(),
+        };
         self.shape = Some(shape);
         self.scale_by(search, shape);
         let out = shape.out_size().area();
-        for values in [&mut self.filter, &mut self.solver.rest, &mut self.solver.direction] {
+        for values in [
+            &mut self.filter,
+            &mut self.solver.rest,
+            &mut self.solver.direction,
+        ] {
             values.clear();
             values.resize(shape.filter_len());
         }
@@ -114,12 +122,29 @@ impl OnlineFilter {
     pub(crate) fn respond(&mut self, network: &Network) -> &[f32] {
         if let Some(shape) = self.shape {
             let (_, search) = network.classification();
-            let shape = FilterShape { size: search.size(), ..shape };
+            let shape = FilterShape {
+                size: search.size(),
+                ..shape
+            };
             self.take(search, shape);
             self.response.resize(shape.out_size().area(), 0.0);
-            let OnlineFilter { filter, features, response, .. } = self;
+            let OnlineFilter {
+                filter,
+                features,
+                response,
+                ..
+            } = self;
             let threads = network.threads();
-            threads.enter(|| respond(network.model().isa(), threads, shape, features, filter, response));
+            threads.enter(|| {
+                respond(
+                    network.model().isa(),
+                    threads,
+                    shape,
+                    features,
+                    filter,
+                    response,
+                )
+            });
         }
         &self.response
     }
@@ -137,7 +162,9 @@ impl OnlineFilter {
             return;
         }
         if self.turn == 0 {
-            self.memory.iter_mut().for_each(|look| look.weight *= 1.0 - RATE);
+            self.memory
+                .iter_mut()
+                .for_each(|look| look.weight *= 1.0 - RATE);
             self.memory[0].weight = self.memory[0].weight.max(FIRST);
             // The lightest look makes room: an empty place, or the oldest.
             let weight = |place: &usize| self.memory[*place].weight;
@@ -182,7 +209,9 @@ impl OnlineFilter {
 
     /// Puts the last look's features into the memory, with a bump at the target as what to respond.
     fn remember(&mut self, shape: FilterShape, place: usize, spot: Spot) {
-        let Look { features, label, .. } = &mut self.memory[place];
+        let Look {
+            features, label, ..
+        } = &mut self.memory[place];
         features.copy_from_slice(&self.features);
         let Size { w, .. } = shape.out_size();
         let spread = 2.0 * (SPREAD * spot.side).max(0.5).powi(2);
@@ -196,10 +225,23 @@ impl OnlineFilter {
     /// Sums up how far the filter is off, and so where the next step goes: the normal equations' residual,
     /// `sum_k w_k X_k^T (y_k - X_k f) - RIDGE f`.
     fn begin_round(&mut self, network: &Network, shape: FilterShape) {
-        let OnlineFilter { filter, memory, solver, .. } = self;
-        let Solver { response, rest, direction, power, .. } = solver;
+        let OnlineFilter {
+            filter,
+            memory,
+            solver,
+            ..
+        } = self;
+        let Solver {
+            response,
+            rest,
+            direction,
+            power,
+            ..
+        } = solver;
         let error = |response: f32, label: f32| label - response;
-        rest.iter_mut().zip(filter.iter()).for_each(|(rest, f)| *rest = -RIDGE * f);
+        rest.iter_mut()
+            .zip(filter.iter())
+            .for_each(|(rest, f)| *rest = -RIDGE * f);
         add_pass(network, shape, memory, filter, response, error, rest);
         direction.copy_from_slice(rest);
         *power = dot(rest, rest);
@@ -207,18 +249,48 @@ impl OnlineFilter {
 
     /// One step of conjugate gradients toward the filter that fits the memory best.
     fn step(&mut self, network: &Network, shape: FilterShape) {
-        let OnlineFilter { filter, memory, solver, .. } = self;
-        let Solver { response, rest, direction, image, power } = solver;
+        let OnlineFilter {
+            filter,
+            memory,
+            solver,
+            ..
+        } = self;
+        let Solver {
+            response,
+            rest,
+            direction,
+            image,
+            power,
+        } = solver;
         if *power < 1e-12 {
             return; // as good as it gets
         }
-        image.iter_mut().zip(direction.iter()).for_each(|(image, d)| *image = RIDGE * d);
-        add_pass(network, shape, memory, direction, response, |response, _| response, image);
+        image
+            .iter_mut()
+            .zip(direction.iter())
+            .for_each(|(image, d)| *image = RIDGE * d);
+        add_pass(
+            network,
+            shape,
+            memory,
+            direction,
+            response,
+            |response, _| response,
+            image,
+        );
         let length = *power / dot(direction, image);
-        filter.iter_mut().zip(direction.iter()).for_each(|(f, d)| *f += length * d);
-        rest.iter_mut().zip(image.iter()).for_each(|(rest, image)| *rest -= length * image);
+        filter
+            .iter_mut()
+            .zip(direction.iter())
+            .for_each(|(f, d)| *f += length * d);
+        rest.iter_mut()
+            .zip(image.iter())
+            .for_each(|(rest, image)| *rest -= length * image);
         let next = dot(rest, rest);
-        direction.iter_mut().zip(rest.iter()).for_each(|(d, rest)| *d = rest + next / *power * *d);
+        direction
+            .iter_mut()
+            .zip(rest.iter())
+            .for_each(|(d, rest)| *d = rest + next / *power * *d);
         *power = next;
     }
 }
@@ -235,9 +307,17 @@ fn add_pass(
 ) {
     let (isa, threads) = (network.model().isa(), network.threads());
     threads.enter(|| {
-        for Look { features, label, weight } in memory.iter().filter(|look| look.weight > 0.0) {
+        for Look {
+            features,
+            label,
+            weight,
+        } in memory.iter().filter(|look| look.weight > 0.0)
+        {
             respond(isa, threads, shape, features, filter, response);
-            response.iter_mut().zip(label).for_each(|(v, label)| *v = weight * value(*v, *label));
+            response
+                .iter_mut()
+                .zip(label)
+                .for_each(|(v, label)| *v = weight * value(*v, *label));
             adjoint(isa, threads, shape, features, response, out);
         }
     });
@@ -255,7 +335,11 @@ mod tests {
     use kernels::reference;
     use weights_format::{Architecture, Weights, Widths};
 
-    const MIDDLE: Spot = Spot { row: 11.0, column: 11.0, side: 8.0 };
+    const MIDDLE: Spot = Spot {
+        row: 11.0,
+        column: 11.0,
+        side: 8.0,
+    };
 
     /// Blocks of 16 x 16 pixels in colors of their own.
     fn crop(side: usize, seed: usize) -> Vec<u8> {
@@ -281,17 +365,34 @@ mod tests {
 
     /// The normal equations' residual, in f64 by naive loops, and their right side.
     fn residual(filter: &OnlineFilter) -> (f64, f64) {
-        let FilterShape { size, filter: side, channels } = filter.shape.unwrap();
-        let (mut rest, mut right): (Vec<f64>, Vec<f64>) =
-            filter.filter.iter().map(|f| (-f64::from(RIDGE * f), 0.0)).unzip();
-        for Look { features, label, weight } in &filter.memory {
+        let FilterShape {
+            size,
+            filter: side,
+            channels,
+        } = filter.shape.unwrap();
+        let (mut rest, mut right): (Vec<f64>, Vec<f64>) = filter
+            .filter
+            .iter()
+            .map(|f| (-f64::from(RIDGE * f), 0.0))
+            .unzip();
+        for Look {
+            features,
+            label,
+            weight,
+        } in &filter.memory
+        {
             let response = reference::filter(size, side, channels, features, &filter.filter);
-            let error: Vec<f32> =
-                response.iter().zip(label).map(|(r, label)| weight * (label - *r as f32)).collect();
+            let error: Vec<f32> = response
+                .iter()
+                .zip(label)
+                .map(|(r, label)| weight * (label - *r as f32))
+                .collect();
             let label: Vec<f32> = label.iter().map(|label| weight * label).collect();
             for (sum, values) in [(&mut rest, error), (&mut right, label)] {
                 let terms = reference::filter_adjoint(size, side, channels, features, &values);
-                sum.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+                sum.iter_mut()
+                    .zip(terms)
+                    .for_each(|(sum, term)| *sum += term);
             }
         }
         let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -310,7 +411,11 @@ mod tests {
             filter.learn(&network, |_| Spot { row: 8.0, ..MIDDLE });
         }
         assert_eq!(
-            filter.memory.iter().filter(|look| look.weight > 0.0).count(),
+            filter
+                .memory
+                .iter()
+                .filter(|look| look.weight > 0.0)
+                .count(),
             3,
             "every third look is kept"
         );
@@ -318,7 +423,10 @@ mod tests {
         let (before, right) = residual(&filter);
         (0..300).for_each(|_| filter.step(&network, shape));
         let (after, _) = residual(&filter);
-        assert!(after < 1e-3 * right && after < before, "{before}, then {after} of {right}");
+        assert!(
+            after < 1e-3 * right && after < before,
+            "{before}, then {after} of {right}"
+        );
     }
 
     #[test]
@@ -326,15 +434,31 @@ mod tests {
         let network = network();
         let mut filter = OnlineFilter::default();
         assert!(filter.respond(&network).is_empty(), "nothing is known yet");
-        let spot = Spot { row: 7.0, column: 14.0, side: 6.0 };
+        let spot = Spot {
+            row: 7.0,
+            column: 14.0,
+            side: 6.0,
+        };
         filter.begin(&network, |_| spot);
         let response = filter.respond(&network).to_vec();
-        let best = (0..response.len()).max_by(|a, b| response[*a].total_cmp(&response[*b])).unwrap();
-        assert!((best / 23).abs_diff(7) <= 1 && (best % 23).abs_diff(14) <= 1, "peak at {best}");
+        let best = (0..response.len())
+            .max_by(|a, b| response[*a].total_cmp(&response[*b]))
+            .unwrap();
+        assert!(
+            (best / 23).abs_diff(7) <= 1 && (best % 23).abs_diff(14) <= 1,
+            "peak at {best}"
+        );
         assert!(response[best] > 0.5, "{}", response[best]);
         let away = |i: usize| (i / 23).abs_diff(7).max((i % 23).abs_diff(14));
-        let elsewhere = (0..response.len()).filter(|i| away(*i) > 4).map(|i| response[i]).fold(0.0, f32::max);
-        assert!(response[best] > 3.0 * elsewhere, "{} and {elsewhere} elsewhere", response[best]);
+        let elsewhere = (0..response.len())
+            .filter(|i| away(*i) > 4)
+            .map(|i| response[i])
+            .fold(0.0, f32::max);
+        assert!(
+            response[best] > 3.0 * elsewhere,
+            "{} and {elsewhere} elsewhere",
+            response[best]
+        );
         filter.clear();
         assert!(filter.respond(&network).is_empty());
     }

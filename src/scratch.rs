@@ -19,7 +19,12 @@ pub struct Map {
 
 impl Default for Map {
     fn default() -> Map {
-        Map { values: Aligned::default(), bytes: Aligned::default(), size: Size { h: 0, w: 0 }, channels: 0 }
+        Map {
+            values: Aligned::default(),
+            bytes: Aligned::default(),
+            size: Size { h: 0, w: 0 },
+            channels: 0,
+        }
     }
 }
 
@@ -49,7 +54,10 @@ impl Map {
         means.clear();
         means.resize(self.channels, 0.0);
         for cell in self.values.chunks_exact(self.channels.max(1)) {
-            means.iter_mut().zip(cell).for_each(|(sum, value)| *sum += value);
+            means
+                .iter_mut()
+                .zip(cell)
+                .for_each(|(sum, value)| *sum += value);
         }
         let cells = self.size.area().max(1) as f32;
         means.iter_mut().for_each(|sum| *sum /= cells);
@@ -60,7 +68,11 @@ impl Map {
         let (row_len, start) = (from.size.w * from.channels, column * from.channels);
         let len = size.w * from.channels;
         let rows = from.values.chunks_exact(row_len).skip(row);
-        for (to, from) in self.reshape(size, from.channels).chunks_exact_mut(len).zip(rows) {
+        for (to, from) in self
+            .reshape(size, from.channels)
+            .chunks_exact_mut(len)
+            .zip(rows)
+        {
             to.copy_from_slice(&from[start..start + len]);
         }
     }
@@ -95,7 +107,11 @@ impl Map {
 
     /// What the next convolution reads.
     fn input(&self) -> Input<'_> {
-        if self.bytes.is_empty() { Input::Floats(&self.values) } else { Input::Bytes(&self.bytes) }
+        if self.bytes.is_empty() {
+            Input::Floats(&self.values)
+        } else {
+            Input::Bytes(&self.bytes)
+        }
     }
 }
 
@@ -110,11 +126,24 @@ impl Context {
     pub(crate) fn conv(&mut self, threads: &Threads, conv: &Conv, from: &Map, to: &mut Map) {
         let out = to.reshape(conv.shape().out_size(from.size), conv.shape().out_channels);
         let scratch = self.scratch(conv.scratch_len(from.size, threads));
-        conv.run_between(threads, from.input(), from.size, Output::Floats(out), scratch);
+        conv.run_between(
+            threads,
+            from.input(),
+            from.size,
+            Output::Floats(out),
+            scratch,
+        );
     }
 
     /// A convolution whose output `next` reads, and nobody else: as bytes, if both compute in them.
-    pub(crate) fn conv_for(&mut self, threads: &Threads, conv: &Conv, next: &Conv, from: &Map, to: &mut Map) {
+    pub(crate) fn conv_for(
+        &mut self,
+        threads: &Threads,
+        conv: &Conv,
+        next: &Conv,
+        from: &Map,
+        to: &mut Map,
+    ) {
         let out = to.output(conv.shape().out_size(from.size), conv, next);
         let scratch = self.scratch(conv.scratch_len(from.size, threads));
         conv.run_between(threads, from.input(), from.size, out, scratch);
@@ -143,9 +172,21 @@ impl Context {
 
     pub(crate) fn xcorr(&self, threads: &Threads, search: &Map, template: &Map, to: &mut Map) {
         let (size, kernel) = (search.size, template.size);
-        let out_size = Size { h: size.h - kernel.h + 1, w: size.w - kernel.w + 1 };
+        let out_size = Size {
+            h: size.h - kernel.h + 1,
+            w: size.w - kernel.w + 1,
+        };
         let out = to.reshape(out_size, search.channels);
-        xcorr::xcorr(self.isa, threads, &search.values, size, &template.values, kernel, search.channels, out);
+        xcorr::xcorr(
+            self.isa,
+            threads,
+            &search.values,
+            size,
+            &template.values,
+            kernel,
+            search.channels,
+            out,
+        );
     }
 }
 
@@ -166,7 +207,10 @@ pub(crate) struct Scratch {
 impl Scratch {
     pub(crate) fn new(isa: Isa) -> Scratch {
         Scratch {
-            contexts: [(); 2].map(|()| Context { isa, conv: Aligned::default() }),
+            contexts: [(); 2].map(|()| Context {
+                isa,
+                conv: Aligned::default(),
+            }),
             backbone: BackboneMaps::default(),
             encoded: DrMaps::default(),
             encoded_neck: Default::default(),
@@ -182,7 +226,9 @@ impl Scratch {
     pub(crate) fn set_crop(&mut self, crop: &[u8], side: usize, conv1: &Conv) {
         let map = &mut self.backbone.crop;
         match conv1.algorithm() {
-            Algorithm::Int8(_) => map.reshape_bytes(Size::square(side), 3).copy_from_slice(crop),
+            Algorithm::Int8(_) => map
+                .reshape_bytes(Size::square(side), 3)
+                .copy_from_slice(crop),
             _ => pointwise::widen(crop, map.reshape(Size::square(side), 3)),
         }
     }

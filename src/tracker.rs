@@ -61,7 +61,12 @@ pub struct TrackerOptions {
 impl TrackerOptions {
     /// One thread, the hyper-parameters that the model was made for, the whole search region.
     pub fn of(model: &Model) -> TrackerOptions {
-        TrackerOptions { threads: 1, cores: Cores::ANY, config: model.config(), search: SearchRegion::Full }
+        TrackerOptions {
+            threads: 1,
+            cores: Cores::ANY,
+            config: model.config(),
+            search: SearchRegion::Full,
+        }
     }
 }
 
@@ -139,11 +144,25 @@ impl Tracker {
         }
         let (width, height) = (frame.width(), frame.height());
         if x >= width as f32 || y >= height as f32 || x + w <= 0.0 || y + h <= 0.0 {
-            return Err(TrackError::BoxOutside { x, y, w, h, width, height });
+            return Err(TrackError::BoxOutside {
+                x,
+                y,
+                w,
+                h,
+                width,
+                height,
+            });
         }
-        let mut target =
-            Target { bbox: bbox.center(), border: frame.mean_bgr(), correction: Correction::NONE };
-        self.cut(frame, &target, self.network.model().architecture().template_size);
+        let mut target = Target {
+            bbox: bbox.center(),
+            border: frame.mean_bgr(),
+            correction: Correction::NONE,
+        };
+        self.cut(
+            frame,
+            &target,
+            self.network.model().architecture().template_size,
+        );
         self.network.set_template(&self.crop);
         if let Some(adaptive) = &mut self.adaptive {
             adaptive.reset();
@@ -163,9 +182,12 @@ impl Tracker {
         let selector = &self.views.of(Extent::Full).selector;
         let truth = selector.in_crop(&target.bbox, scale);
         if config.online_filter > 0.0 {
-            self.filter.begin(&self.network, |response| selector.spot(&truth, response));
+            self.filter
+                .begin(&self.network, |response| selector.spot(&truth, response));
         }
-        choice.map_or(Correction::NONE, |choice| Correction::between(&choice.bbox, &truth, config.correction))
+        choice.map_or(Correction::NONE, |choice| {
+            Correction::between(&choice.bbox, &truth, config.correction)
+        })
     }
 
     /// Finds the target in the next frame, near where it was, and learns how it looks now.
@@ -210,8 +232,14 @@ impl Tracker {
     /// search region reaches. It is only taken for found if the network and the filter agree, and then from where it was
     /// `before`; nothing is learned from it.
     pub(crate) fn look_wider(&mut self, frame: &Frame<'_>, before: CenterBox) -> Option<Track> {
-        let target = Target { bbox: before, ..self.target? };
-        let anywhere = TrackConfig { window_influence: 0.0, ..self.config };
+        let target = Target {
+            bbox: before,
+            ..self.target?
+        };
+        let anywhere = TrackConfig {
+            window_influence: 0.0,
+            ..self.config
+        };
         let seen = self.search(frame, &target, 1.0, Extent::Wide, &anywhere);
         let regained = seen.choice.is_some_and(|choice| {
             choice.score * choice.penalty >= REGAINED_SCORE && choice.response >= REGAINED_RESPONSE
@@ -225,16 +253,32 @@ impl Tracker {
             let selector = &self.views.of(seen.extent).selector;
             target.bbox = selector.smooth(choice, &target.bbox, seen.scale, &self.config);
         }
-        target.bbox = target.bbox.clamped(frame.width(), frame.height(), self.config.min_size);
+        target.bbox = target
+            .bbox
+            .clamped(frame.width(), frame.height(), self.config.min_size);
         self.target = Some(target);
-        let (score, penalized_score) =
-            seen.choice.map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
-        Track { bbox: target.bbox.corner(), score, penalized_score }
+        let (score, penalized_score) = seen
+            .choice
+            .map_or((0.0, 0.0), |c| (c.score as f32, c.penalized_score as f32));
+        Track {
+            bbox: target.bbox.corner(),
+            score,
+            penalized_score,
+        }
     }
 
     /// Learns how the target looks from what the last search chose, if that was found well enough.
     pub(crate) fn learn(&mut self) {
-        let Some(seen @ Seen { choice: Some(choice), extent, .. }) = self.seen else { return };
+        let Some(
+            seen @ Seen {
+                choice: Some(choice),
+                extent,
+                ..
+            },
+        ) = self.seen
+        else {
+            return;
+        };
         let selector = &self.views.of(extent).selector;
         let mut lap = Lap::start();
         let share = self.config.template_update as f32;
@@ -251,8 +295,13 @@ impl Tracker {
             && selector.agrees(&choice.bbox, self.filter.response())
         {
             let CenterBox { w, h, .. } = selector.in_crop(&target.bbox, seen.scale);
-            let place = CenterBox { w, h, ..choice.bbox };
-            self.filter.learn(&self.network, |response| selector.spot(&place, response));
+            let place = CenterBox {
+                w,
+                h,
+                ..choice.bbox
+            };
+            self.filter
+                .learn(&self.network, |response| selector.spot(&place, response));
             self.stages.filter += lap.lap();
         }
     }
@@ -268,8 +317,20 @@ impl Tracker {
     ) -> Result<Seen, TrackError> {
         let target = self.target.ok_or(TrackError::NoTarget)?;
         let around = around.clamped(frame.width(), frame.height(), self.config.min_size);
-        let config = TrackConfig { window_influence, ..self.config };
-        Ok(self.search(frame, &Target { bbox: around, ..target }, zoom, Extent::Full, &config))
+        let config = TrackConfig {
+            window_influence,
+            ..self.config
+        };
+        Ok(self.search(
+            frame,
+            &Target {
+                bbox: around,
+                ..target
+            },
+            zoom,
+            Extent::Full,
+            &config,
+        ))
     }
 
     /// One pass: the best cell for a target where it is taken to be, in a region `zoom` times as wide as usual, or in less or more
@@ -284,12 +345,28 @@ impl Tracker {
     ) -> Seen {
         let mut lap = Lap::start();
         let around = target.bbox;
-        let zoomed = CenterBox { w: around.w * zoom as f32, h: around.h * zoom as f32, ..around };
+        let zoomed = CenterBox {
+            w: around.w * zoom as f32,
+            h: around.h * zoom as f32,
+            ..around
+        };
         let side = self.views.of(extent).side;
-        let scale = self.cut(frame, &Target { bbox: zoomed, ..*target }, side);
+        let scale = self.cut(
+            frame,
+            &Target {
+                bbox: zoomed,
+                ..*target
+            },
+            side,
+        );
         self.stages.crop = lap.lap();
 
-        target.correction.apply(&mut self.network.search_timed(&self.crop, side, &mut self.stages).ltrb);
+        target.correction.apply(
+            &mut self
+                .network
+                .search_timed(&self.crop, side, &mut self.stages)
+                .ltrb,
+        );
         lap.lap();
 
         let response = self.filter.respond(&self.network);
@@ -298,7 +375,12 @@ impl Tracker {
         let size = [around.w, around.h].map(|side| f64::from(side) * scale);
         let selector = &self.views.of(extent).selector;
         let choice = selector.choose(self.network.outputs(), response, size, config);
-        let seen = Seen { around, scale, choice, extent };
+        let seen = Seen {
+            around,
+            scale,
+            choice,
+            extent,
+        };
         self.seen = Some(seen);
         self.stages.select = lap.lap();
         seen
@@ -334,7 +416,10 @@ impl Tracker {
 
     /// What knows where the cells of the last search's score map lie.
     pub(crate) fn selector(&self) -> &Selector {
-        &self.views.of(self.seen.map_or(Extent::default(), |seen| seen.extent)).selector
+        &self
+            .views
+            .of(self.seen.map_or(Extent::default(), |seen| seen.extent))
+            .selector
     }
 
     /// Cuts the crop of `side` pixels around the target and returns its scale in crop pixels per frame pixel.

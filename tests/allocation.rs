@@ -9,7 +9,9 @@ fn update_allocates_nothing_after_its_first_call() {
     for isa in Isa::available() {
         let mut tracker = Tracker::new(Model::builtin(isa));
         let first = allocation_counter::measure(|| {
-            tracker.init(&frame, BBox::new(100.0, 80.0, 40.0, 30.0)).unwrap();
+            tracker
+                .init(&frame, BBox::new(100.0, 80.0, 40.0, 30.0))
+                .unwrap();
             tracker.update(&frame).unwrap();
         });
         assert!(first.count_total > 0, "the counter counts");

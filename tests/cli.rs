@@ -12,7 +12,9 @@ use serde_json::Value;
 
 /// The numbers of every line.
 fn boxes(text: &str) -> Vec<Vec<f64>> {
-    text.lines().map(|line| line.split(',').map(|n| n.parse().unwrap()).collect()).collect()
+    text.lines()
+        .map(|line| line.split(',').map(|n| n.parse().unwrap()).collect())
+        .collect()
 }
 
 fn text(path: &Path) -> &str {
@@ -31,27 +33,77 @@ fn a_folder_becomes_a_line_per_frame() {
     let lines = stdout(&plain);
     assert_eq!(lines.lines().next(), Some(init.as_str()));
     assert_eq!(boxes(&lines).len(), 6);
-    assert!(boxes(&lines).iter().all(|b| b.len() == 4 && b.iter().all(|n| n.is_finite())));
+    assert!(
+        boxes(&lines)
+            .iter()
+            .all(|b| b.len() == 4 && b.iter().all(|n| n.is_finite()))
+    );
     assert!(stderr(&plain).contains("6 frames"), "{}", stderr(&plain));
 
-    let filed = run(["track", "--input", input, "--init", &init, "--out", text(&file)], b"");
+    let filed = run(
+        [
+            "track",
+            "--input",
+            input,
+            "--init",
+            &init,
+            "--out",
+            text(&file),
+        ],
+        b"",
+    );
     assert!(filed.status.success() && filed.stdout.is_empty());
     assert_eq!(std::fs::read_to_string(&file).unwrap(), lines);
 
-    let json = run(["track", "--input", input, "--init", &init, "--json", "--threads", "2"], b"");
+    let json = run(
+        [
+            "track",
+            "--input",
+            input,
+            "--init",
+            &init,
+            "--json",
+            "--threads",
+            "2",
+        ],
+        b"",
+    );
     for (i, (line, expected)) in stdout(&json).lines().zip(boxes(&lines)).enumerate() {
         let object: Value = serde_json::from_str(line).unwrap();
         let found: Vec<f64> = serde_json::from_value(object["box"].clone()).unwrap();
-        assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 2e-3), "{line}: {expected:?}");
+        assert!(
+            found
+                .iter()
+                .zip(&expected)
+                .all(|(a, b)| (a - b).abs() < 2e-3),
+            "{line}: {expected:?}"
+        );
         assert_eq!(object["frame"], i);
         assert!(object["milliseconds"].as_f64().unwrap() > 0.0);
-        assert_eq!(object["score"].as_f64().is_some_and(|s| (0.0..=1.0).contains(&s)), i > 0, "{line}");
+        assert_eq!(
+            object["score"]
+                .as_f64()
+                .is_some_and(|s| (0.0..=1.0).contains(&s)),
+            i > 0,
+            "{line}"
+        );
     }
     assert_eq!(stdout(&json).lines().count(), 6);
 
     let third: Vec<String> = boxes(&lines)[2].iter().map(|n| n.to_string()).collect();
     let part = run(
-        ["track", "--input", input, "--init", &third.join(","), "--start", "2", "--end", "5", "--json"],
+        [
+            "track",
+            "--input",
+            input,
+            "--init",
+            &third.join(","),
+            "--start",
+            "2",
+            "--end",
+            "5",
+            "--json",
+        ],
         b"",
     );
     let numbers: Vec<Value> = stdout(&part)
@@ -68,23 +120,38 @@ fn every_way_in_gives_the_same_boxes() {
     let folder = folder("cli-ways");
     write_pngs(&folder, &frames);
     let rgb = frames.concat();
-    let bgr: Vec<u8> = rgb.chunks_exact(3).flat_map(|p| [p[2], p[1], p[0]]).collect();
+    let bgr: Vec<u8> = rgb
+        .chunks_exact(3)
+        .flat_map(|p| [p[2], p[1], p[0]])
+        .collect();
     let header = format!("P6\n{} {}\n255\n", SIZE.0, SIZE.1);
-    let ppm: Vec<u8> = frames.iter().flat_map(|frame| [header.as_bytes(), frame].concat()).collect();
+    let ppm: Vec<u8> = frames
+        .iter()
+        .flat_map(|frame| [header.as_bytes(), frame].concat())
+        .collect();
     let size = format!("{}x{}", SIZE.0, SIZE.1);
     let file = folder.join("frames.ppm");
     std::fs::write(&file, &ppm).unwrap();
 
     let track = |more: &[&str], stdin: &[u8]| {
-        let output = run(["track", "--init", &init, "--input"].iter().chain(more), stdin);
+        let output = run(
+            ["track", "--init", &init, "--input"].iter().chain(more),
+            stdin,
+        );
         assert!(output.status.success(), "{more:?}: {}", stderr(&output));
         stdout(&output)
     };
     let expected = track(&[text(&folder)], b"");
     assert_eq!(expected.lines().count(), 4);
     assert_eq!(track(&[text(&folder.join("img*.png"))], b""), expected);
-    assert_eq!(track(&["-", "--raw", &size, "--pix", "rgb24"], &rgb), expected);
-    assert_eq!(track(&["-", "--raw", &size, "--pix", "bgr24"], &bgr), expected);
+    assert_eq!(
+        track(&["-", "--raw", &size, "--pix", "rgb24"], &rgb),
+        expected
+    );
+    assert_eq!(
+        track(&["-", "--raw", &size, "--pix", "bgr24"], &bgr),
+        expected
+    );
     assert_eq!(track(&["-"], &ppm), expected);
     assert_eq!(track(&[text(&file)], b""), expected);
 
@@ -98,8 +165,15 @@ fn every_way_in_gives_the_same_boxes() {
         y4m.extend(plane);
     }
     assert_eq!(track(&["-"], &y4m), raw);
-    let full: Vec<u8> = gray.chunks_exact(frame).flat_map(|p| [p, &vec![128; frame / 2]].concat()).collect();
-    let mut y4m = format!("YUV4MPEG2 W{} H{} C420jpeg XCOLORRANGE=FULL\n", SIZE.0, SIZE.1).into_bytes();
+    let full: Vec<u8> = gray
+        .chunks_exact(frame)
+        .flat_map(|p| [p, &vec![128; frame / 2]].concat())
+        .collect();
+    let mut y4m = format!(
+        "YUV4MPEG2 W{} H{} C420jpeg XCOLORRANGE=FULL\n",
+        SIZE.0, SIZE.1
+    )
+    .into_bytes();
     for planes in full.chunks_exact(frame * 3 / 2) {
         y4m.extend(b"FRAME\n");
         y4m.extend(planes);
@@ -115,7 +189,18 @@ fn frames_may_change_their_size() {
         stream.extend((0..3 * w * h).map(|i| (i * 37 % 251) as u8));
     }
     let gif = folder("cli-sizes").join("film.gif");
-    let output = run(["track", "--input", "-", "--init", "20,10,16,16", "--overlay", text(&gif)], &stream);
+    let output = run(
+        [
+            "track",
+            "--input",
+            "-",
+            "--init",
+            "20,10,16,16",
+            "--overlay",
+            text(&gif),
+        ],
+        &stream,
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(boxes(&stdout(&output)).len(), 6);
     assert!(std::fs::metadata(&gif).unwrap().len() > 100);
@@ -128,7 +213,17 @@ fn pictures_of_the_boxes() {
     write_pngs(&folder, &frames);
     let drawn = folder.join("drawn");
     let output = run(
-        ["track", "--input", text(&folder), "--init", &init, "--start", "1", "--overlay", text(&drawn)],
+        [
+            "track",
+            "--input",
+            text(&folder),
+            "--init",
+            &init,
+            "--start",
+            "1",
+            "--overlay",
+            text(&drawn),
+        ],
         b"",
     );
     assert!(output.status.success(), "{}", stderr(&output));
@@ -141,7 +236,9 @@ fn pictures_of_the_boxes() {
     let bbox = &boxes(&init)[0];
     let picture = image::open(drawn.join("000001.jpg")).unwrap().into_rgb8();
     assert_eq!(picture.dimensions(), (SIZE.0 as u32, SIZE.1 as u32));
-    let edge = picture.get_pixel((bbox[0] + bbox[2] / 2.0) as u32, bbox[1].round() as u32 - 1).0;
+    let edge = picture
+        .get_pixel((bbox[0] + bbox[2] / 2.0) as u32, bbox[1].round() as u32 - 1)
+        .0;
     assert!(edge[0] > 180 && edge[2] < 120, "no amber outline: {edge:?}");
 }
 
@@ -154,7 +251,10 @@ fn video_through_ffmpeg() {
     let clip = place.join("clip.mp4");
     std::fs::write(&clip, b"not really a video").unwrap();
     let header = format!("P6\n{} {}\n255\n", SIZE.0, SIZE.1);
-    let ppm: Vec<u8> = frames.iter().flat_map(|frame| [header.as_bytes(), frame].concat()).collect();
+    let ppm: Vec<u8> = frames
+        .iter()
+        .flat_map(|frame| [header.as_bytes(), frame].concat())
+        .collect();
     std::fs::write(place.join("frames"), &ppm).unwrap();
 
     // As decoder it prints the frames, as encoder it keeps what it is given.
@@ -164,14 +264,31 @@ fn video_through_ffmpeg() {
     );
     let path = program::fake_ffmpeg("cli-video-bin", &script);
     let film = place.join("film.mp4");
-    let args = ["track", "--input", text(&clip), "--init", &init, "--overlay", text(&film)];
+    let args = [
+        "track",
+        "--input",
+        text(&clip),
+        "--init",
+        &init,
+        "--overlay",
+        text(&film),
+    ];
     let output = run_with(program(args).env("PATH", &path), b"");
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(boxes(&stdout(&output)).len(), 4);
     assert_eq!(std::fs::read(&film).unwrap().len(), frames.concat().len());
 
-    let part = run_with(program(args).args(["--start", "1", "--end", "3"]).env("PATH", &path), b"");
-    assert!(part.status.success() && boxes(&stdout(&part)).len() == 2, "{}", stderr(&part));
+    let part = run_with(
+        program(args)
+            .args(["--start", "1", "--end", "3"])
+            .env("PATH", &path),
+        b"",
+    );
+    assert!(
+        part.status.success() && boxes(&stdout(&part)).len() == 2,
+        "{}",
+        stderr(&part)
+    );
 }
 
 #[test]
@@ -185,7 +302,9 @@ fn a_closed_pipe_is_a_quiet_end() {
         .spawn()
         .unwrap();
     let mut line = String::new();
-    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    BufReader::new(child.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
     assert_eq!(line.trim_end(), init);
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{:?}", output.status);
@@ -195,14 +314,20 @@ fn a_closed_pipe_is_a_quiet_end() {
 #[test]
 fn the_demo_shows_and_measures() {
     let out = folder("cli-demo");
-    let output = run(["demo", "--frames", "30", "--json", "--out", text(&out)], b"");
+    let output = run(
+        ["demo", "--frames", "30", "--json", "--out", text(&out)],
+        b"",
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     let last = stdout(&output).lines().last().unwrap().to_string();
     let result: Value = serde_json::from_str(&last).unwrap();
     assert_eq!(result["frames"], 30);
     assert!(result["fps"].as_f64().unwrap() > 0.0);
     assert!((0.0..=1.0).contains(&result["precision_20"].as_f64().unwrap()));
-    assert!(result["mean_iou"].as_f64().unwrap() > 0.5, "the object was lost at once: {last}");
+    assert!(
+        result["mean_iou"].as_f64().unwrap() > 0.5,
+        "the object was lost at once: {last}"
+    );
     for (file, least) in [("demo.gif", 50_000), ("sheet.png", 50_000)] {
         let bytes = std::fs::metadata(out.join(file)).unwrap().len();
         assert!((least..6_000_000).contains(&bytes), "{file}: {bytes} bytes");
@@ -219,20 +344,41 @@ fn info_counts_as_the_papers_do() {
         (&["info", "--widths", paper][..], "7,489,986"),
         (&["info", "--widths", "full"], "9,655,380"),
         (&["info", "--widths", "P50"], "2,425,396"),
-        (&["info", "--widths", "48,128,192,192,128,128", "--encoder", "3x3"], "2,573,236"),
-        (&["info", "--widths", "half", "--encoder", "1x1"], "2,442,164"),
+        (
+            &[
+                "info",
+                "--widths",
+                "48,128,192,192,128,128",
+                "--encoder",
+                "3x3",
+            ],
+            "2,573,236",
+        ),
+        (
+            &["info", "--widths", "half", "--encoder", "1x1"],
+            "2,442,164",
+        ),
         (&["info", "drmim-p50"], "head.offsets"),
     ] {
         let output = run(args, b"");
         assert!(output.status.success(), "{}", stderr(&output));
-        assert!(stdout(&output).contains(parameters), "{args:?}: {}", stdout(&output));
+        assert!(
+            stdout(&output).contains(parameters),
+            "{args:?}: {}",
+            stdout(&output)
+        );
     }
     let output = run(["info", "--widths", paper, "--json"], b"");
     let object: Value = serde_json::from_str(&stdout(&output)).unwrap();
     assert_eq!(object["parameters"], 7_489_986);
     assert_eq!(object["widths"].as_array().unwrap().len(), 13);
     let layers = object["layers"].as_array().unwrap();
-    let sum = |key: &str| layers.iter().map(|layer| layer[key].as_u64().unwrap()).sum::<u64>();
+    let sum = |key: &str| {
+        layers
+            .iter()
+            .map(|layer| layer[key].as_u64().unwrap())
+            .sum::<u64>()
+    };
     assert_eq!(sum("macs_search"), object["macs_search"].as_u64().unwrap());
     assert_eq!(sum("parameters") + 2, 7_489_986);
 }
@@ -246,11 +392,26 @@ fn a_weights_file_of_ones_own() {
     let file = folder.join("tiny.safetensors");
     let architecture = Architecture::new(Widths::pruned(0.9), Some(Encoder::standard(25)));
     Weights::random(architecture, 5).write(&file).unwrap();
-    let output = run(["track", "--input", text(&folder), "--init", &init, "--model", text(&file)], b"");
+    let output = run(
+        [
+            "track",
+            "--input",
+            text(&folder),
+            "--init",
+            &init,
+            "--model",
+            text(&file),
+        ],
+        b"",
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(boxes(&stdout(&output)).len(), 3);
     let about = run(["info", text(&file)], b"");
-    assert!(stdout(&about).contains("9,25,38,38,25,25"), "{}", stdout(&about));
+    assert!(
+        stdout(&about).contains("9,25,38,38,25,25"),
+        "{}",
+        stdout(&about)
+    );
 }
 
 #[test]
@@ -263,7 +424,18 @@ fn the_small_model_by_name() {
     let folder = folder("cli-small");
     let (frames, init) = flight(4);
     write_pngs(&folder, &frames);
-    let output = run(["track", "--input", text(&folder), "--init", &init, "--model", "drmim-p75"], b"");
+    let output = run(
+        [
+            "track",
+            "--input",
+            text(&folder),
+            "--init",
+            &init,
+            "--model",
+            "drmim-p75",
+        ],
+        b"",
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(boxes(&stdout(&output)).len(), 4);
 }
@@ -281,21 +453,40 @@ fn bytes_where_the_model_allows_them() {
         let object: Value = serde_json::from_str(&json).unwrap();
         assert_eq!(object["precision"], precision);
         let layers = object["layers"].as_array().unwrap();
-        let of = |name: &str| layers.iter().find(|layer| layer["name"] == name).unwrap()["algorithm"].clone();
+        let of = |name: &str| {
+            layers.iter().find(|layer| layer["name"] == name).unwrap()["algorithm"].clone()
+        };
         assert_eq!(of("backbone.conv1"), algorithm);
         assert_eq!(of("head.score"), "direct");
     }
     let file = folder("cli-precision").join("plain.safetensors");
-    Weights::random(Architecture::new(Widths::pruned(0.9), None), 5).write(&file).unwrap();
+    Weights::random(Architecture::new(Widths::pruned(0.9), None), 5)
+        .write(&file)
+        .unwrap();
     let (code, _, errors) = bench(&["--model", text(&file), "--precision", "int8"]);
-    assert!(code == Some(4) && errors.contains("train quantize"), "{code:?} {errors}");
+    assert!(
+        code == Some(4) && errors.contains("train quantize"),
+        "{code:?} {errors}"
+    );
     let (code, _, errors) = bench(&["--precision", "int4"]);
-    assert!(code == Some(2) && errors.contains("expected f32 or int8"), "{code:?} {errors}");
+    assert!(
+        code == Some(2) && errors.contains("expected f32 or int8"),
+        "{code:?} {errors}"
+    );
 }
 
 #[test]
 fn bench_reports_everything() {
-    let args = ["bench", "--frames", "4", "--widths", "P90", "--encoder", "3x3", "--json"];
+    let args = [
+        "bench",
+        "--frames",
+        "4",
+        "--widths",
+        "P90",
+        "--encoder",
+        "3x3",
+        "--json",
+    ];
     let output = run(args, b"");
     assert!(output.status.success(), "{}", stderr(&output));
     let object: Value = serde_json::from_str(&stdout(&output)).unwrap();
@@ -304,13 +495,24 @@ fn bench_reports_everything() {
     }
     let latency = |key: &str| object["latency_ms"][key].as_f64().unwrap();
     assert!(latency("p50") <= latency("p95") && latency("p99") <= latency("max"));
-    let stages: f64 = object["stages_ms"].as_object().unwrap().values().map(|v| v.as_f64().unwrap()).sum();
+    let stages: f64 = object["stages_ms"]
+        .as_object()
+        .unwrap()
+        .values()
+        .map(|v| v.as_f64().unwrap())
+        .sum();
     assert!(
         stages > 0.8 * latency("mean") && stages < 1.01 * latency("mean"),
         "{stages} of {}",
         latency("mean")
     );
-    assert!(object["layers"].as_array().unwrap().iter().any(|layer| layer["name"] == "dr.e2.0"));
+    assert!(
+        object["layers"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|layer| layer["name"] == "dr.e2.0")
+    );
     let text = stdout(&run(["bench", "--frames", "2", "--widths", "P90"], b""));
     for part in ["FPS", "p99", "backbone", "GFLOP/s", "MiB"] {
         assert!(text.contains(part), "{part}: {text}");
@@ -321,15 +523,22 @@ fn bench_reports_everything() {
 #[test]
 fn bench_plan_times_every_algorithm() {
     let args = ["bench", "--plan", "--widths", "P90", "--encoder", "3x3"];
-    let plan: Value = serde_json::from_str(&stdout(&run(args.iter().chain(&["--json"]), b""))).unwrap();
+    let plan: Value =
+        serde_json::from_str(&stdout(&run(args.iter().chain(&["--json"]), b""))).unwrap();
     let layers = plan["layers"].as_array().unwrap();
     assert_eq!(layers.len(), 5 + 1 + 2 + 6 + 3);
     for layer in layers {
         let times = layer["ms"].as_object().unwrap();
-        assert!(times.values().all(|ms| ms.as_f64().unwrap() > 0.0), "{layer}");
+        assert!(
+            times.values().all(|ms| ms.as_f64().unwrap() > 0.0),
+            "{layer}"
+        );
         let chosen = |which: &str| times[layer[which].as_str().unwrap()].as_f64().unwrap();
         assert!(chosen("fastest") <= chosen("planned"), "{layer}");
-        assert!(layer["layer"] != "backbone.conv1" || !times.contains_key("winograd6"), "its stride is 2");
+        assert!(
+            layer["layer"] != "backbone.conv1" || !times.contains_key("winograd6"),
+            "its stride is 2"
+        );
     }
     assert!(plan["fastest_ms"].as_f64() <= plan["planned_ms"].as_f64());
     assert!(stdout(&run(args, b"")).contains("head.offsets"));
@@ -354,25 +563,41 @@ fn bench_measures_more_on_request_and_compares() {
     assert_eq!(object["sweep"][0]["threads"], 1);
     assert!(object["endurance"][0]["median_ms"].as_f64().unwrap() > 0.0);
     let markdown = bench(&[&more[..], &["--markdown"]].concat());
-    for part in
-        ["| machine |", "| threads | 1: ", "| minutes | median", "| decoding |", "| backbone |", "|---|---:|"]
-    {
+    for part in [
+        "| machine |",
+        "| threads | 1: ",
+        "| minutes | median",
+        "| decoding |",
+        "| backbone |",
+        "|---|---:|",
+    ] {
         assert!(markdown.contains(part), "{part}: {markdown}");
     }
 
-    let (before, after, other) = (folder.join("a.json"), folder.join("b.json"), folder.join("c.json"));
+    let (before, after, other) = (
+        folder.join("a.json"),
+        folder.join("b.json"),
+        folder.join("c.json"),
+    );
     // Steady times, whatever else this machine was doing.
     let with_blocks = |blocks: [f64; 6]| {
         let mut object = object.clone();
         object["blocks_ms"] = blocks.to_vec().into();
         object
     };
-    std::fs::write(&before, with_blocks([10.0, 10.2, 9.9, 10.1, 10.0, 9.8]).to_string()).unwrap();
+    std::fs::write(
+        &before,
+        with_blocks([10.0, 10.2, 9.9, 10.1, 10.0, 9.8]).to_string(),
+    )
+    .unwrap();
     let mut slow = with_blocks([15.1, 15.0, 14.9, 15.2, 15.0, 14.8]);
     slow["threads"] = 8.into();
     std::fs::write(&after, slow.to_string()).unwrap();
     let compare = |a: &Path, b: &Path, more: &[&str]| {
-        run(["bench", "--compare", text(a), text(b)].iter().chain(more), b"")
+        run(
+            ["bench", "--compare", text(a), text(b)].iter().chain(more),
+            b"",
+        )
     };
     let same = stdout(&compare(&before, &before, &[]));
     assert!(
@@ -380,14 +605,21 @@ fn bench_measures_more_on_request_and_compares() {
         "{same}"
     );
     let slower = stdout(&compare(&before, &after, &[]));
-    assert!(slower.contains("\nslower: ") && slower.contains("threads was 1, is 8"), "{slower}");
-    let verdict: Value = serde_json::from_str(&stdout(&compare(&after, &before, &["--json"]))).unwrap();
+    assert!(
+        slower.contains("\nslower: ") && slower.contains("threads was 1, is 8"),
+        "{slower}"
+    );
+    let verdict: Value =
+        serde_json::from_str(&stdout(&compare(&after, &before, &["--json"]))).unwrap();
     assert_eq!(
         (&verdict["verdict"], &verdict["differences"][0]["of"]),
         (&"faster".into(), &"threads".into())
     );
     std::fs::write(&other, "{\"fps\": 3}").unwrap();
-    for (bad, part) in [(&other, "blocks_ms"), (&folder.join("none.json"), "none.json")] {
+    for (bad, part) in [
+        (&other, "blocks_ms"),
+        (&folder.join("none.json"), "none.json"),
+    ] {
         let output = compare(&before, bad, &[]);
         assert_eq!(output.status.code(), Some(3));
         assert!(stderr(&output).contains(part), "{}", stderr(&output));
@@ -396,14 +628,30 @@ fn bench_measures_more_on_request_and_compares() {
 
 #[test]
 fn the_worker_speaks_its_protocol() {
-    let output =
-        run(["bench", "--worker", "--widths", "P90", "--encoder", "none", "--precision", "f32"], b"3\n1\n");
+    let output = run(
+        [
+            "bench",
+            "--worker",
+            "--widths",
+            "P90",
+            "--encoder",
+            "none",
+            "--precision",
+            "f32",
+        ],
+        b"3\n1\n",
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stdout(&output);
     let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(' ').collect()).collect();
     assert_eq!(lines[0], ["READY"]);
     assert_eq!(lines.iter().map(Vec::len).collect::<Vec<_>>(), [1, 3, 1]);
-    assert!(lines[1..].iter().flatten().all(|time| time.parse::<f64>().unwrap() > 0.0));
+    assert!(
+        lines[1..]
+            .iter()
+            .flatten()
+            .all(|time| time.parse::<f64>().unwrap() > 0.0)
+    );
 }
 
 #[test]

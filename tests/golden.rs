@@ -24,7 +24,9 @@ fn golden() -> Option<Tensors> {
 /// A CHW crop of whole numbers as HWC bytes.
 fn crop_bytes((shape, values): &(Vec<usize>, Vec<f32>)) -> Vec<u8> {
     let area = shape[1] * shape[2];
-    (0..3 * area).map(|i| values[i % 3 * area + i / 3] as u8).collect()
+    (0..3 * area)
+        .map(|i| values[i % 3 * area + i / 3] as u8)
+        .collect()
 }
 
 /// Largest distance of our map (HWC) from the reference (CHW, perhaps only the first channels), as a share of
@@ -32,24 +34,40 @@ fn crop_bytes((shape, values): &(Vec<usize>, Vec<f32>)) -> Vec<u8> {
 fn distance(ours: &[f32], channels: usize, (shape, reference): &(Vec<usize>, Vec<f32>)) -> f64 {
     let area = reference.len() / shape[0];
     assert_eq!(ours.len() / channels, area, "map of another size");
-    let rms = (reference.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / reference.len() as f64).sqrt();
+    let rms = (reference.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>()
+        / reference.len() as f64)
+        .sqrt();
     let error = |i: usize| f64::from((ours[i % area * channels + i / area] - reference[i]).abs());
     (0..reference.len()).map(error).fold(0.0, f64::max) / rms
 }
 
 /// As [`distance`], for a reference that ours equals only after one scaling and one shift: the head's two scalars, which
 /// the converter folds into the offsets.
-fn distance_after_scaling(ours: &[f32], channels: usize, (shape, reference): &(Vec<usize>, Vec<f32>)) -> f64 {
+fn distance_after_scaling(
+    ours: &[f32],
+    channels: usize,
+    (shape, reference): &(Vec<usize>, Vec<f32>),
+) -> f64 {
     let (area, n) = (reference.len() / shape[0], reference.len() as f64);
     let pairs = || {
-        (0..reference.len())
-            .map(|i| (f64::from(reference[i]), f64::from(ours[i % area * channels + i / area])))
+        (0..reference.len()).map(|i| {
+            (
+                f64::from(reference[i]),
+                f64::from(ours[i % area * channels + i / area]),
+            )
+        })
     };
-    let (mx, my) = (pairs().map(|p| p.0).sum::<f64>() / n, pairs().map(|p| p.1).sum::<f64>() / n);
+    let (mx, my) = (
+        pairs().map(|p| p.0).sum::<f64>() / n,
+        pairs().map(|p| p.1).sum::<f64>() / n,
+    );
     let slope = pairs().map(|(x, y)| (x - mx) * (y - my)).sum::<f64>()
         / pairs().map(|(x, _)| (x - mx).powi(2)).sum::<f64>();
     assert!(slope > 0.5 && slope < 2.0, "offsets are scaled by {slope}");
-    let scaled: Vec<f32> = reference.iter().map(|x| (my + slope * (f64::from(*x) - mx)) as f32).collect();
+    let scaled: Vec<f32> = reference
+        .iter()
+        .map(|x| (my + slope * (f64::from(*x) - mx)) as f32)
+        .collect();
     distance(ours, channels, &(shape.clone(), scaled))
 }
 
@@ -75,17 +93,24 @@ const STAGES: [(&str, &str); 16] = [
 
 #[test]
 fn every_stage_within_a_thousandth_on_every_isa() {
-    let (Some(golden), Some(checkpoint)) = (golden(), common::shared("checkpoints/drmim_p50_probe.pth"))
+    let (Some(golden), Some(checkpoint)) =
+        (golden(), common::shared("checkpoints/drmim_p50_probe.pth"))
     else {
         return;
     };
-    let weights = converter::convert(&checkpoint, &Default::default()).unwrap().weights;
+    let weights = converter::convert(&checkpoint, &Default::default())
+        .unwrap()
+        .weights;
     for isa in Isa::available() {
         for algorithm in Algorithm::ALL {
             let model = Model::with_algorithm(&weights, isa, algorithm).unwrap();
             check_stages(&golden, model, &format!("{isa} {}", algorithm.name()));
         }
-        check_stages(&golden, Model::from_weights(&weights, isa).unwrap(), &format!("{isa}, as planned"));
+        check_stages(
+            &golden,
+            Model::from_weights(&weights, isa).unwrap(),
+            &format!("{isa}, as planned"),
+        );
     }
 }
 
@@ -93,8 +118,15 @@ fn check_stages(golden: &Tensors, model: Model, what: &str) {
     let mut network = Network::new(model, 2);
     let check = |network: &Network, branch: &str, ours: &str, reference: &str| {
         let (_, map) = network.maps().find(|(name, _)| *name == ours).unwrap();
-        let error = distance(map.values(), map.channels(), &golden[&format!("{branch}.{reference}")]);
-        assert!(error < 1e-3, "{what}: {branch} {ours} is {error:.1e} of the RMS away");
+        let error = distance(
+            map.values(),
+            map.channels(),
+            &golden[&format!("{branch}.{reference}")],
+        );
+        assert!(
+            error < 1e-3,
+            "{what}: {branch} {ours} is {error:.1e} of the RMS away"
+        );
     };
     network.set_template(&crop_bytes(&golden["template.crop"]));
     for (ours, reference) in [
@@ -109,10 +141,20 @@ fn check_stages(golden: &Tensors, model: Model, what: &str) {
     for (ours, reference) in STAGES {
         check(&network, "search", ours, reference);
     }
-    let (_, offsets) = network.maps().find(|(name, _)| *name == "head.offsets").unwrap();
+    let (_, offsets) = network
+        .maps()
+        .find(|(name, _)| *name == "head.offsets")
+        .unwrap();
     let error = distance_after_scaling(offsets.values(), 4, &golden["search.bbox_offsets_p5"]);
-    assert!(error < 1e-3, "{what}: offsets are {error:.1e} of the RMS away");
-    let error = distance(&outputs.score, 1, &(vec![1], golden["search.score"].1.clone()));
+    assert!(
+        error < 1e-3,
+        "{what}: offsets are {error:.1e} of the RMS away"
+    );
+    let error = distance(
+        &outputs.score,
+        1,
+        &(vec![1], golden["search.score"].1.clone()),
+    );
     assert!(error < 1e-3, "{what}: score is {error:.1e} of the RMS away");
 }
 
@@ -130,10 +172,19 @@ fn crops_within_one_gray_level() {
     };
     // No look at the first frame, so that the crop cut last is the template's.
     let model = Model::builtin(Isa::detect());
-    let config = TrackConfig { correction: 0.0, online_filter: 0.0, ..model.config() };
-    let options = TrackerOptions { config, ..TrackerOptions::of(&model) };
+    let config = TrackConfig {
+        correction: 0.0,
+        online_filter: 0.0,
+        ..model.config()
+    };
+    let options = TrackerOptions {
+        config,
+        ..TrackerOptions::of(&model)
+    };
     let mut tracker = Tracker::with_options(model, options);
-    tracker.init(&frame(0), BBox::new(806.0, 196.0, 31.0, 82.0)).unwrap();
+    tracker
+        .init(&frame(0), BBox::new(806.0, 196.0, 31.0, 82.0))
+        .unwrap();
     check_crop("template", tracker.last_crop(), &golden["template.crop"]);
     tracker.update(&frame(1)).unwrap();
     check_crop("search", tracker.last_crop(), &golden["search.crop"]);
@@ -142,7 +193,9 @@ fn crops_within_one_gray_level() {
 fn check_crop(name: &str, ours: &[u8], reference: &(Vec<usize>, Vec<f32>)) {
     let reference = crop_bytes(reference);
     let pixels = ours.chunks_exact(3).zip(reference.chunks_exact(3));
-    let far = pixels.filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 1)).count();
+    let far = pixels
+        .filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 1))
+        .count();
     let share = far as f64 / (ours.len() / 3) as f64;
     assert!(
         share <= 0.001,

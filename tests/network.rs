@@ -12,7 +12,11 @@ use weights_format::{Architecture, Encoder, EncoderPosition, Layer, Weights, Wid
 fn picture(side: usize) -> Vec<u8> {
     let value = |i: usize| {
         let (y, x, c) = (i / 3 / side, i / 3 % side, i % 3);
-        let stripes = if (x / 7 + y / 11 + c) % 2 == 0 { 140 } else { 60 };
+        let stripes = if (x / 7 + y / 11 + c) % 2 == 0 {
+            140
+        } else {
+            60
+        };
         (stripes + (x * 31 + y * 17 + c * 57) % 61) as u8
     };
     (0..side * side * 3).map(value).collect()
@@ -36,23 +40,36 @@ struct Naive<'a> {
 
 impl Naive<'_> {
     fn conv(&self, name: &str, from: &Map) -> Map {
-        let layer = self.layers.iter().find(|l| l.name == name).unwrap_or_else(|| panic!("no layer {name}"));
+        let layer = self
+            .layers
+            .iter()
+            .find(|l| l.name == name)
+            .unwrap_or_else(|| panic!("no layer {name}"));
         let shape = conv_shape(layer);
         let tensor = |part: &str| &self.weights.tensor(&format!("{name}.{part}")).unwrap().data;
         let size = Size::square(from.side);
         let values = reference::conv(&shape, size, &from.values, tensor("weight"), tensor("bias"));
-        Map { values: narrow(values), side: shape.out_size(size).h }
+        Map {
+            values: narrow(values),
+            side: shape.out_size(size).h,
+        }
     }
 
     fn pool(&self, from: &Map) -> Map {
         let size = Size::square(from.side);
         let channels = from.values.len() / size.area();
         let side = kernels::pool::out_size(size).h;
-        Map { values: narrow(reference::max_pool(size, channels, &from.values)), side }
+        Map {
+            values: narrow(reference::max_pool(size, channels, &from.values)),
+            side,
+        }
     }
 
     fn backbone(&self, crop: &[u8], side: usize) -> Map {
-        let crop = Map { values: crop.iter().map(|v| f32::from(*v)).collect(), side };
+        let crop = Map {
+            values: crop.iter().map(|v| f32::from(*v)).collect(),
+            side,
+        };
         let pool1 = self.pool(&self.conv("backbone.conv1", &crop));
         let pool2 = self.pool(&self.conv("backbone.conv2", &pool1));
         let names = ["backbone.conv3", "backbone.conv4", "backbone.conv5"];
@@ -60,39 +77,74 @@ impl Naive<'_> {
     }
 
     fn encode(&self, branch: &str, position: EncoderPosition, from: Map) -> Map {
-        let Some(encoder) = self.weights.header.architecture.encoder.filter(|e| e.position == position)
+        let Some(encoder) = self
+            .weights
+            .header
+            .architecture
+            .encoder
+            .filter(|e| e.position == position)
         else {
             return from;
         };
-        let prefix = if encoder.shared { "dr.e2".to_string() } else { format!("dr.e2_{branch}") };
+        let prefix = if encoder.shared {
+            "dr.e2".to_string()
+        } else {
+            format!("dr.e2_{branch}")
+        };
         (0..encoder.layers).fold(from, |map, i| self.conv(&format!("{prefix}.{i}"), &map))
     }
 
     fn features(&self, branch: &str, task: &str, crop: &[u8], side: usize) -> Map {
-        let features = self.encode(branch, EncoderPosition::BeforeNeck, self.backbone(crop, side));
+        let features = self.encode(
+            branch,
+            EncoderPosition::BeforeNeck,
+            self.backbone(crop, side),
+        );
         let neck = self.conv(&format!("neck.{branch}_{task}"), &features);
         self.encode(branch, EncoderPosition::AfterNeck, neck)
     }
 
     fn tower(&self, task: &str, template: &[u8], search: &[u8]) -> Map {
-        let Architecture { template_size, search_size, .. } = self.weights.header.architecture;
+        let Architecture {
+            template_size,
+            search_size,
+            ..
+        } = self.weights.header.architecture;
         let z = self.features("template", task, template, template_size);
         let x = self.features("search", task, search, search_size);
         let (zs, xs) = (Size::square(z.side), Size::square(x.side));
         let values = reference::xcorr(xs, zs, x.values.len() / xs.area(), &x.values, &z.values);
-        let response = Map { values: narrow(values), side: x.side - z.side + 1 };
-        (1..=3).fold(response, |map, i| self.conv(&format!("head.{task}{i}"), &map))
+        let response = Map {
+            values: narrow(values),
+            side: x.side - z.side + 1,
+        };
+        (1..=3).fold(response, |map, i| {
+            self.conv(&format!("head.{task}{i}"), &map)
+        })
     }
 
     /// Score and offsets of every cell.
     fn run(&self, template: &[u8], search: &[u8]) -> (Vec<f32>, Vec<f32>) {
-        let (cls, reg) = (self.tower("cls", template, search), self.tower("reg", template, search));
+        let (cls, reg) = (
+            self.tower("cls", template, search),
+            self.tower("reg", template, search),
+        );
         let sigmoid = |v: &f32| 1.0 / (1.0 + (-v).exp());
-        let (score, centerness) = (self.conv("head.score", &cls), self.conv("head.centerness", &cls));
-        let score =
-            score.values.iter().zip(&centerness.values).map(|(s, c)| sigmoid(s) * sigmoid(c)).collect();
+        let (score, centerness) = (
+            self.conv("head.score", &cls),
+            self.conv("head.centerness", &cls),
+        );
+        let score = score
+            .values
+            .iter()
+            .zip(&centerness.values)
+            .map(|(s, c)| sigmoid(s) * sigmoid(c))
+            .collect();
         let offsets = self.conv("head.offsets", &reg);
-        (score, offsets.values.iter().map(|v| 8.0 * v.exp()).collect())
+        (
+            score,
+            offsets.values.iter().map(|v| 8.0 * v.exp()).collect(),
+        )
     }
 }
 
@@ -116,8 +168,14 @@ fn check(architecture: Architecture) {
         folded.insert("backbone.conv1.bias", bias);
         folded
     };
-    let (template, search) = (picture(architecture.template_size), picture(architecture.search_size));
-    let naive = Naive { weights: &normalized, layers: architecture.layers() };
+    let (template, search) = (
+        picture(architecture.template_size),
+        picture(architecture.search_size),
+    );
+    let naive = Naive {
+        weights: &normalized,
+        layers: architecture.layers(),
+    };
     let (score, ltrb) = naive.run(&template, &search);
     assert_eq!(score.len(), architecture.score_size().pow(2));
     for isa in Isa::available() {
@@ -129,17 +187,29 @@ fn check(architecture: Architecture) {
                 let outputs = network.search(&search);
                 let far = |a: &[f32], b: &[f32]| {
                     let rms = (b.iter().map(|v| v * v).sum::<f32>() / b.len() as f32).sqrt();
-                    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / rms
+                    a.iter()
+                        .zip(b)
+                        .map(|(a, b)| (a - b).abs())
+                        .fold(0.0, f32::max)
+                        / rms
                 };
                 let errors = [far(&outputs.score, &score), far(&outputs.ltrb, &ltrb)];
-                assert!(errors.iter().all(|e| *e < 1e-3), "{architecture:?} on {isa}: {errors:?}");
+                assert!(
+                    errors.iter().all(|e| *e < 1e-3),
+                    "{architecture:?} on {isa}: {errors:?}"
+                );
             }
         }
     }
 }
 
-const WIDTHS: Widths =
-    Widths { backbone: [5, 9, 7, 17, 6], neck_cls: 7, neck_reg: 5, head_cls: [6, 3, 9], head_reg: [4, 8, 5] };
+const WIDTHS: Widths = Widths {
+    backbone: [5, 9, 7, 17, 6],
+    neck_cls: 7,
+    neck_reg: 5,
+    head_cls: [6, 3, 9],
+    head_reg: [4, 8, 5],
+};
 
 #[test]
 fn without_encoder() {
@@ -150,12 +220,42 @@ fn without_encoder() {
 fn with_every_kind_of_encoder() {
     let standard = Encoder::standard(6);
     check(Architecture::new(WIDTHS, Some(standard)));
-    check(Architecture::new(WIDTHS, Some(Encoder { kernel: 1, relu: false, width: 3, ..standard })));
-    check(Architecture::new(WIDTHS, Some(Encoder { layers: 2, shared: false, ..standard })));
-    let widths = Widths { neck_reg: 7, ..WIDTHS };
-    let after = Encoder { position: EncoderPosition::AfterNeck, width: 7, ..standard };
+    check(Architecture::new(
+        WIDTHS,
+        Some(Encoder {
+            kernel: 1,
+            relu: false,
+            width: 3,
+            ..standard
+        }),
+    ));
+    check(Architecture::new(
+        WIDTHS,
+        Some(Encoder {
+            layers: 2,
+            shared: false,
+            ..standard
+        }),
+    ));
+    let widths = Widths {
+        neck_reg: 7,
+        ..WIDTHS
+    };
+    let after = Encoder {
+        position: EncoderPosition::AfterNeck,
+        width: 7,
+        ..standard
+    };
     check(Architecture::new(widths, Some(after)));
-    check(Architecture::new(widths, Some(Encoder { layers: 2, shared: false, width: 4, ..after })));
+    check(Architecture::new(
+        widths,
+        Some(Encoder {
+            layers: 2,
+            shared: false,
+            width: 4,
+            ..after
+        }),
+    ));
 }
 
 #[test]
@@ -176,8 +276,14 @@ fn backbone_features_move_with_the_picture() {
     let search = picture(303);
     for isa in Isa::available() {
         let mut network = Network::new(Model::from_weights(&weights, isa).unwrap(), 1);
-        let conv5 =
-            |network: &Network| network.maps().find(|(n, _)| *n == "backbone.conv5").unwrap().1.clone();
+        let conv5 = |network: &Network| {
+            network
+                .maps()
+                .find(|(n, _)| *n == "backbone.conv5")
+                .unwrap()
+                .1
+                .clone()
+        };
         network.set_template(&picture(127));
         network.search(&search);
         let whole = conv5(&network);
@@ -190,7 +296,10 @@ fn backbone_features_move_with_the_picture() {
             for (i, value) in part.values().iter().enumerate() {
                 let (y, x, c) = (i / channels / 6, i / channels % 6, i % channels);
                 let expected = whole.values()[((a / 8 + y) * 28 + b / 8 + x) * channels + c];
-                assert!((value - expected).abs() <= 1e-4 * expected.abs().max(1.0), "{isa} at {a},{b}");
+                assert!(
+                    (value - expected).abs() <= 1e-4 * expected.abs().max(1.0),
+                    "{isa} at {a},{b}"
+                );
             }
         }
     }

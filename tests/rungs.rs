@@ -76,9 +76,14 @@ fn same_boxes_on_every_rung() {
         .collect();
     assert_eq!(golden.len(), FRAMES);
     for (i, bbox) in golden.iter().enumerate() {
-        assert!(bbox.iou(&target(i)) > 0.6, "frame {i}: the golden box {bbox:?} is off the target");
+        assert!(
+            bbox.iou(&target(i)) > 0.6,
+            "frame {i}: the golden box {bbox:?} is off the target"
+        );
     }
-    let frames = std::env::var("RUNGS_FRAMES").map_or(FRAMES, |n| n.parse().unwrap()).clamp(2, FRAMES);
+    let frames = std::env::var("RUNGS_FRAMES")
+        .map_or(FRAMES, |n| n.parse().unwrap())
+        .clamp(2, FRAMES);
     let only = std::env::var("RUNGS_PRECISION").ok();
     let rungs = match std::env::var("RUNGS_ISA") {
         Ok(name) => vec![Isa::from_name(&name).unwrap()],
@@ -89,7 +94,11 @@ fn same_boxes_on_every_rung() {
             if only.as_ref().is_some_and(|only| only != precision.name()) {
                 continue;
             }
-            let least = if precision == Precision::F32 { 0.99 } else { 0.9 };
+            let least = if precision == Precision::F32 {
+                0.99
+            } else {
+                0.9
+            };
             let worst = follow(isa, precision, frames)
                 .iter()
                 .zip(&golden)
@@ -99,7 +108,11 @@ fn same_boxes_on_every_rung() {
                 "{isa} {}: lowest IoU with the golden boxes {worst:.4} over {frames} frames",
                 precision.name()
             );
-            assert!(worst >= least, "{isa} {}: IoU {worst} with the golden boxes", precision.name());
+            assert!(
+                worst >= least,
+                "{isa} {}: IoU {worst} with the golden boxes",
+                precision.name()
+            );
         }
     }
 }

@@ -23,13 +23,20 @@ struct Serving(Child);
 impl Serving {
     fn start(args: &[&str]) -> Serving {
         let mut command = Command::new(PROGRAM);
-        command.arg("serve").args(args).stdout(Stdio::null()).stderr(Stdio::piped());
+        command
+            .arg("serve")
+            .args(args)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
         Serving(command.spawn().unwrap())
     }
 
     /// Sends SIGTERM and waits for the end.
     fn end(mut self) -> Option<i32> {
-        let kill = Command::new("kill").args(["-TERM", &self.0.id().to_string()]).status().unwrap();
+        let kill = Command::new("kill")
+            .args(["-TERM", &self.0.id().to_string()])
+            .status()
+            .unwrap();
         assert!(kill.success());
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
@@ -58,7 +65,9 @@ fn temporary(name: &str) -> PathBuf {
 }
 
 fn lines(text: &[u8]) -> Vec<Value> {
-    text.lines().map(|line| serde_json::from_str(&line.unwrap()).unwrap()).collect()
+    text.lines()
+        .map(|line| serde_json::from_str(&line.unwrap()).unwrap())
+        .collect()
 }
 
 #[test]
@@ -79,21 +88,40 @@ fn a_log_is_done_again_box_for_box() {
         frames_text,
     ];
     let served = run(&args);
-    assert!(served.status.success(), "{}", String::from_utf8_lossy(&served.stderr));
+    assert!(
+        served.status.success(),
+        "{}",
+        String::from_utf8_lossy(&served.stderr)
+    );
     let reports = lines(&served.stdout);
     assert_eq!(reports.len(), 12);
-    assert!(reports.iter().all(|r| r["box"].as_array().is_some_and(|b| b.len() == 4) && r["dropped"] == 0));
+    assert!(
+        reports
+            .iter()
+            .all(|r| r["box"].as_array().is_some_and(|b| b.len() == 4) && r["dropped"] == 0)
+    );
     let said = String::from_utf8_lossy(&served.stderr);
     assert!(
-        said.contains("12 boxes reported") && said.contains("; 0 dropped for newer ones, 0 too old"),
+        said.contains("12 boxes reported")
+            && said.contains("; 0 dropped for newer ones, 0 too old"),
         "{said}"
     );
 
-    for extra in [&["replay", log_text][..], &["replay", log_text, "--frames", frames_text]] {
+    for extra in [
+        &["replay", log_text][..],
+        &["replay", log_text, "--frames", frames_text],
+    ] {
         let replayed = run(extra);
-        assert!(replayed.status.success(), "{}", String::from_utf8_lossy(&replayed.stderr));
+        assert!(
+            replayed.status.success(),
+            "{}",
+            String::from_utf8_lossy(&replayed.stderr)
+        );
         let result = &lines(&replayed.stdout)[0];
-        assert_eq!((result["frames"].as_u64(), result["differing"].as_u64()), (Some(12), Some(0)));
+        assert_eq!(
+            (result["frames"].as_u64(), result["differing"].as_u64()),
+            (Some(12), Some(0))
+        );
     }
 
     // One number changed by the smallest step is found.
@@ -134,8 +162,16 @@ fn bad_logs_and_options_say_why() {
     for (args, code, part) in [
         (&["serve", "--input", "flight:color=red"][..], 3, "color"),
         (&["serve", "--gimbal"], 2, "--mavlink"),
-        (&["serve", "--input", FLIGHT, "--http", "0.0.0.0:0"], 5, "--token"),
-        (&["serve", "--input", FLIGHT, "--mavlink", "nonsense"], 5, "nonsense"),
+        (
+            &["serve", "--input", FLIGHT, "--http", "0.0.0.0:0"],
+            5,
+            "--token",
+        ),
+        (
+            &["serve", "--input", FLIGHT, "--mavlink", "nonsense"],
+            5,
+            "nonsense",
+        ),
         (&["serve", "--input", "no-such-folder"], 3, "no-such-folder"),
     ] {
         let output = run(args);
@@ -154,11 +190,22 @@ impl Station {
     fn listen() -> (Station, String) {
         // Between finding a free port and listening on it somebody else may take it.
         let listen = || {
-            let port = UdpSocket::bind("127.0.0.1:0").ok()?.local_addr().ok()?.port();
+            let port = UdpSocket::bind("127.0.0.1:0")
+                .ok()?
+                .local_addr()
+                .ok()?
+                .port();
             let link = mavlink::connect::<MavMessage>(&format!("udpin:127.0.0.1:{port}")).ok()?;
-            Some((Station { link: Box::new(link) }, format!("udpout:127.0.0.1:{port}")))
+            Some((
+                Station {
+                    link: Box::new(link),
+                },
+                format!("udpout:127.0.0.1:{port}"),
+            ))
         };
-        (0..20).find_map(|_| listen()).expect("one of twenty free ports stays free")
+        (0..20)
+            .find_map(|_| listen())
+            .expect("one of twenty free ports stays free")
     }
 
     fn wait<T>(&self, what: &str, mut pick: impl FnMut(MavMessage) -> Option<T>) -> T {
@@ -175,7 +222,11 @@ impl Station {
     }
 
     fn command(&self, system_id: u8, command: MavCmd, p: [f32; 4]) {
-        let header = MavHeader { system_id: system_id.into(), component_id: 190, sequence: 0 };
+        let header = MavHeader {
+            system_id: system_id.into(),
+            component_id: 190,
+            sequence: 0,
+        };
         let [param1, param2, param3, param4] = p;
         let data = COMMAND_LONG_DATA {
             command,
@@ -187,7 +238,9 @@ impl Station {
             target_component: 100,
             ..Default::default()
         };
-        self.link.send(&header, &MavMessage::COMMAND_LONG(data)).unwrap();
+        self.link
+            .send(&header, &MavMessage::COMMAND_LONG(data))
+            .unwrap();
     }
 
     fn acknowledged(&self, command: MavCmd) -> MavResult {
@@ -220,7 +273,9 @@ fn a_ground_station_finds_the_camera_starts_and_stops_it() {
         &address,
     ]);
     station.wait("heartbeat of a camera", |message| match message {
-        MavMessage::HEARTBEAT(heartbeat) => (heartbeat.mavtype == MavType::MAV_TYPE_CAMERA).then_some(()),
+        MavMessage::HEARTBEAT(heartbeat) => {
+            (heartbeat.mavtype == MavType::MAV_TYPE_CAMERA).then_some(())
+        }
         _ => None,
     });
     station.command(255, MavCmd::MAV_CMD_REQUEST_MESSAGE, [259.0, 0.0, 0.0, 0.0]);
@@ -235,11 +290,17 @@ fn a_ground_station_finds_the_camera_starts_and_stops_it() {
     let rectangle = [0.4375, 0.39, 0.5625, 0.5556];
     station.command(77, MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE, rectangle);
     station.command(255, MavCmd::MAV_CMD_DO_SET_HOME, [0.0; 4]);
-    assert_eq!(station.acknowledged(MavCmd::MAV_CMD_DO_SET_HOME), MavResult::MAV_RESULT_UNSUPPORTED);
+    assert_eq!(
+        station.acknowledged(MavCmd::MAV_CMD_DO_SET_HOME),
+        MavResult::MAV_RESULT_UNSUPPORTED
+    );
     assert_eq!(station.status().tracking_status.bits(), 0);
 
     station.command(255, MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE, rectangle);
-    assert_eq!(station.acknowledged(MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE), MavResult::MAV_RESULT_ACCEPTED);
+    assert_eq!(
+        station.acknowledged(MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE),
+        MavResult::MAV_RESULT_ACCEPTED
+    );
     let until = Instant::now() + PATIENCE;
     let status = loop {
         let status = station.status();
@@ -253,7 +314,10 @@ fn a_ground_station_finds_the_camera_starts_and_stops_it() {
         "{status:?}"
     );
     station.command(255, MavCmd::MAV_CMD_CAMERA_STOP_TRACKING, [0.0; 4]);
-    assert_eq!(station.acknowledged(MavCmd::MAV_CMD_CAMERA_STOP_TRACKING), MavResult::MAV_RESULT_ACCEPTED);
+    assert_eq!(
+        station.acknowledged(MavCmd::MAV_CMD_CAMERA_STOP_TRACKING),
+        MavResult::MAV_RESULT_ACCEPTED
+    );
     let until = Instant::now() + PATIENCE;
     while station.status().tracking_status.bits() != 0 {
         assert!(Instant::now() < until, "still tracking");
@@ -264,7 +328,9 @@ fn a_ground_station_finds_the_camera_starts_and_stops_it() {
 /// Sends one request and reads the answer as far as `enough` says.
 fn request(address: &str, text: &str, enough: impl Fn(&[u8]) -> bool) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(1))).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_secs(1)))
+        .unwrap();
     stream.write_all(text.as_bytes()).unwrap();
     let (mut answer, mut chunk) = (Vec::new(), [0; 4096]);
     let until = Instant::now() + PATIENCE;
@@ -284,7 +350,11 @@ fn contains(bytes: &[u8], part: &[u8]) -> bool {
 
 #[test]
 fn the_web_page_shows_starts_and_stops() {
-    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
     let address = format!("127.0.0.1:{port}");
     let token = "test-token-1";
     let mut serving = Serving::start(&[
@@ -307,21 +377,45 @@ fn the_web_page_shows_starts_and_stops() {
         assert!(said.read_line(&mut line).unwrap() > 0, "no address said");
     }
     let get = |path: &str, enough: &dyn Fn(&[u8]) -> bool| {
-        request(&address, &format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"), enough)
+        request(
+            &address,
+            &format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"),
+            enough,
+        )
     };
     let post = |path: &str, token: &str, body: &str| {
-        let head = format!("POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nX-Token: {token}\r\n");
+        let head =
+            format!("POST {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nX-Token: {token}\r\n");
         let text = format!("{head}Content-Length: {}\r\n\r\n{body}", body.len());
         let answer = request(&address, &text, |_| false);
-        String::from_utf8_lossy(&answer).split(' ').nth(1).unwrap_or_default().to_string()
+        String::from_utf8_lossy(&answer)
+            .split(' ')
+            .nth(1)
+            .unwrap_or_default()
+            .to_string()
     };
-    assert!(contains(&get("/", &|a| contains(a, b"</html>")), b"<canvas"));
-    assert!(contains(&get("/video", &|a| contains(a, b"\xff\xd8\xff")), b"\xff\xd8\xff"), "a JPEG");
-    assert!(contains(&get("/events", &|a| contains(a, b"\"frame\"")), b"data: {"));
+    assert!(contains(
+        &get("/", &|a| contains(a, b"</html>")),
+        b"<canvas"
+    ));
+    assert!(
+        contains(
+            &get("/video", &|a| contains(a, b"\xff\xd8\xff")),
+            b"\xff\xd8\xff"
+        ),
+        "a JPEG"
+    );
+    assert!(contains(
+        &get("/events", &|a| contains(a, b"\"frame\"")),
+        b"data: {"
+    ));
     assert!(contains(&get("/other", &|_| false), b"404"));
     let start = "{\"rectangle\": [0.43, 0.39, 0.56, 0.56]}";
     assert_eq!(post("/start", "wrong-token", start), "403");
-    assert_eq!(post("/start", token, "{\"rectangle\": [0, 0, 9, 9]}"), "400");
+    assert_eq!(
+        post("/start", token, "{\"rectangle\": [0, 0, 9, 9]}"),
+        "400"
+    );
     assert_eq!(post("/start", token, start), "202");
     let state = |wanted: &[u8]| {
         let until = Instant::now() + PATIENCE;

@@ -9,7 +9,9 @@ use track_cpu::source::{Image, Input, PixelFormat, Prefetch, RawFormat, Source, 
 
 /// A fresh folder for one test.
 fn folder(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("source").join(name);
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR"))
+        .join("source")
+        .join(name);
     let _ = std::fs::remove_dir_all(&path);
     std::fs::create_dir_all(&path).unwrap();
     path
@@ -21,8 +23,18 @@ fn picture(path: &Path, rgb: [u8; 3]) {
 }
 
 fn names(source: impl Iterator<Item = Result<Image, SourceError>>) -> Vec<String> {
-    let name = |image: Image| image.name.unwrap().file_name().unwrap().to_string_lossy().into_owned();
-    source.map(|image| image.map_or_else(|error| error.to_string(), name)).collect()
+    let name = |image: Image| {
+        image
+            .name
+            .unwrap()
+            .file_name()
+            .unwrap()
+            .to_string_lossy()
+            .into_owned()
+    };
+    source
+        .map(|image| image.map_or_else(|error| error.to_string(), name))
+        .collect()
 }
 
 fn numbered(name: &str, count: u8) -> PathBuf {
@@ -41,7 +53,10 @@ fn a_folder_in_natural_order() {
     assert_eq!(source.frames_left(), Some(12));
     for i in 1..=12u8 {
         let image = source.next().unwrap().unwrap();
-        assert_eq!((image.width, image.height, image.order), (4, 3, ChannelOrder::Rgb));
+        assert_eq!(
+            (image.width, image.height, image.order),
+            (4, 3, ChannelOrder::Rgb)
+        );
         assert_eq!(image.frame().row(2)[..3], [i, 2 * i, 3 * i], "frame {i}");
         source.recycle(image);
     }
@@ -52,15 +67,39 @@ fn a_folder_in_natural_order() {
 fn selected_frames_of_folders_and_patterns() {
     let folder = numbered("selected", 12);
     let select = |location: PathBuf, start, end| {
-        names(Source::open(&Input { start, end, ..Input::new(location) }).unwrap())
+        names(
+            Source::open(&Input {
+                start,
+                end,
+                ..Input::new(location)
+            })
+            .unwrap(),
+        )
     };
-    assert_eq!(select(folder.clone(), 9, None), ["img10.png", "img11.png", "img12.png"]);
+    assert_eq!(
+        select(folder.clone(), 9, None),
+        ["img10.png", "img11.png", "img12.png"]
+    );
     assert_eq!(select(folder.clone(), 1, Some(3)), ["img2.png", "img3.png"]);
-    assert_eq!(select(folder.join("img1?.png"), 0, Some(99)), ["img10.png", "img11.png", "img12.png"]);
+    assert_eq!(
+        select(folder.join("img1?.png"), 0, Some(99)),
+        ["img10.png", "img11.png", "img12.png"]
+    );
     assert_eq!(select(folder.join("*"), 0, Some(1)), ["img1.png"]);
     assert_eq!(select(folder.join("img7.png"), 0, None), ["img7.png"]);
-    for (start, end, part) in [(12, None, "12 frames"), (3, Some(3), "3..3"), (5, Some(2), "5..2")] {
-        let message = Source::open(&Input { start, end, ..Input::new(&folder) }).err().unwrap().to_string();
+    for (start, end, part) in [
+        (12, None, "12 frames"),
+        (3, Some(3), "3..3"),
+        (5, Some(2), "5..2"),
+    ] {
+        let message = Source::open(&Input {
+            start,
+            end,
+            ..Input::new(&folder)
+        })
+        .err()
+        .unwrap()
+        .to_string();
         assert!(message.contains(part), "{message}");
     }
 }
@@ -69,16 +108,38 @@ fn selected_frames_of_folders_and_patterns() {
 fn selected_frames_of_a_stream() {
     let path = folder("stream").join("five.gray");
     std::fs::write(&path, (0..20).collect::<Vec<u8>>()).unwrap();
-    let raw = Some(RawFormat { width: 2, height: 2, pixels: PixelFormat::Gray });
+    let raw = Some(RawFormat {
+        width: 2,
+        height: 2,
+        pixels: PixelFormat::Gray,
+    });
     let first = |start, end| -> Vec<u8> {
-        let source = Source::open(&Input { raw, start, end, ..Input::new(&path) }).unwrap();
+        let source = Source::open(&Input {
+            raw,
+            start,
+            end,
+            ..Input::new(&path)
+        })
+        .unwrap();
         assert_eq!(source.frames_left(), None);
         source.map(|image| image.unwrap().data[0]).collect()
     };
     assert_eq!(first(0, None), [0, 4, 8, 12, 16]);
     assert_eq!(first(2, Some(4)), [8, 12]);
-    let mut short = Source::open(&Input { raw, start: 7, ..Input::new(&path) }).unwrap();
-    assert!(short.next().unwrap().unwrap_err().to_string().contains("5 frames in it"));
+    let mut short = Source::open(&Input {
+        raw,
+        start: 7,
+        ..Input::new(&path)
+    })
+    .unwrap();
+    assert!(
+        short
+            .next()
+            .unwrap()
+            .unwrap_err()
+            .to_string()
+            .contains("5 frames in it")
+    );
     assert!(short.next().is_none());
 }
 
@@ -91,11 +152,18 @@ fn every_format_and_case() {
         picture(&plain, [250, 20, 20]);
         std::fs::rename(&plain, &path).unwrap();
     }
-    let images: Vec<Image> = Source::open(&Input::new(&folder)).unwrap().collect::<Result<_, _>>().unwrap();
+    let images: Vec<Image> = Source::open(&Input::new(&folder))
+        .unwrap()
+        .collect::<Result<_, _>>()
+        .unwrap();
     assert_eq!(images.len(), 6);
     for image in images {
         let pixel = &image.frame().row(1)[3..6];
-        assert!(pixel[0] > 235 && pixel[1] < 40, "{:?}: {pixel:?}", image.name);
+        assert!(
+            pixel[0] > 235 && pixel[1] < 40,
+            "{:?}: {pixel:?}",
+            image.name
+        );
     }
 }
 
@@ -114,9 +182,21 @@ fn gray_stays_gray_and_the_rest_becomes_rgb() {
     ] {
         let path = folder.join(name);
         save_buffer(&path, &samples(n), 4, 3, kind).unwrap();
-        let image = Source::open(&Input::new(&path)).unwrap().next().unwrap().unwrap();
-        assert_eq!((image.order, image.data.len()), (order, 12 * order.bytes_per_pixel()), "{name}");
-        assert!((98..=112).contains(&image.data[0]), "{name}: {:?}", &image.data[..4]);
+        let image = Source::open(&Input::new(&path))
+            .unwrap()
+            .next()
+            .unwrap()
+            .unwrap();
+        assert_eq!(
+            (image.order, image.data.len()),
+            (order, 12 * order.bytes_per_pixel()),
+            "{name}"
+        );
+        assert!(
+            (98..=112).contains(&image.data[0]),
+            "{name}: {:?}",
+            &image.data[..4]
+        );
     }
 }
 
@@ -125,16 +205,29 @@ fn a_bad_file_is_an_error_in_its_place() {
     let folder = numbered("broken", 5);
     std::fs::write(folder.join("img3.png"), b"no picture").unwrap();
     let plain = names(Source::open(&Input::new(&folder)).unwrap());
-    let ahead = names(Prefetch::new(Source::open(&Input::new(&folder)).unwrap(), 2));
+    let ahead = names(Prefetch::new(
+        Source::open(&Input::new(&folder)).unwrap(),
+        2,
+    ));
     assert_eq!(plain, ahead);
-    assert_eq!((plain[1].as_str(), plain[3].as_str(), plain.len()), ("img2.png", "img4.png", 5));
-    assert!(plain[2].contains("img3.png") && plain[2].contains("expected a jpg"), "{}", plain[2]);
+    assert_eq!(
+        (plain[1].as_str(), plain[3].as_str(), plain.len()),
+        ("img2.png", "img4.png", 5)
+    );
+    assert!(
+        plain[2].contains("img3.png") && plain[2].contains("expected a jpg"),
+        "{}",
+        plain[2]
+    );
 }
 
 #[test]
 fn decoding_ahead_yields_the_same() {
     let folder = numbered("ahead", 12);
-    let plain: Vec<Image> = Source::open(&Input::new(&folder)).unwrap().map(Result::unwrap).collect();
+    let plain: Vec<Image> = Source::open(&Input::new(&folder))
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
     let mut prefetch = Prefetch::new(Source::open(&Input::new(&folder)).unwrap(), 3);
     for expected in &plain {
         let image = prefetch.next().unwrap().unwrap();
@@ -150,7 +243,13 @@ fn decoding_ahead_yields_the_same() {
 fn a_dropped_prefetch_stops_reading() {
     use std::io::Write;
     let pipe = folder("dropped").join("pipe");
-    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    assert!(
+        std::process::Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .unwrap()
+            .success()
+    );
     let writer = std::thread::spawn({
         let pipe = pipe.clone();
         move || {
@@ -158,8 +257,19 @@ fn a_dropped_prefetch_stops_reading() {
             (0..1_000_000u32).find(|_| pipe.write_all(&[7; 64 * 64]).is_err())
         }
     });
-    let raw = Some(RawFormat { width: 64, height: 64, pixels: PixelFormat::Gray });
-    let mut prefetch = Prefetch::new(Source::open(&Input { raw, ..Input::new(&pipe) }).unwrap(), 2);
+    let raw = Some(RawFormat {
+        width: 64,
+        height: 64,
+        pixels: PixelFormat::Gray,
+    });
+    let mut prefetch = Prefetch::new(
+        Source::open(&Input {
+            raw,
+            ..Input::new(&pipe)
+        })
+        .unwrap(),
+        2,
+    );
     assert_eq!(prefetch.next().unwrap().unwrap().data[0], 7);
     drop(prefetch);
     let written = writer.join().unwrap().expect("the reader closed the pipe");

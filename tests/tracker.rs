@@ -13,7 +13,11 @@ fn scene(width: usize, height: usize, cx: i64, cy: i64) -> Vec<u8> {
         for x in 0..width as i64 {
             let (dx, dy) = ((x - cx).abs(), (y - cy).abs());
             let cross = (dx < 20 && dy < 6) || (dx < 6 && dy < 14);
-            let ground = [70 + (x % 13) as u8, 90 + ((x + 2 * y) % 17) as u8, 60 + (y % 11) as u8];
+            let ground = [
+                70 + (x % 13) as u8,
+                90 + ((x + 2 * y) % 17) as u8,
+                60 + (y % 11) as u8,
+            ];
             rgb.extend(if cross { [230, 60, 40] } else { ground });
         }
     }
@@ -30,7 +34,10 @@ fn cross_box(cx: i64, cy: i64) -> BBox {
 
 fn tracker(threads: usize) -> Tracker {
     let model = Model::builtin(Isa::detect());
-    let options = TrackerOptions { threads, ..TrackerOptions::of(&model) };
+    let options = TrackerOptions {
+        threads,
+        ..TrackerOptions::of(&model)
+    };
     Tracker::with_options(model, options)
 }
 
@@ -40,10 +47,14 @@ fn path(i: i64) -> (i64, i64) {
 
 fn follow(tracker: &mut Tracker, frames: i64) -> Vec<Track> {
     let (cx, cy) = path(0);
-    tracker.init(&rgb(&scene(320, 240, cx, cy), 320, 240), cross_box(cx, cy)).unwrap();
+    tracker
+        .init(&rgb(&scene(320, 240, cx, cy), 320, 240), cross_box(cx, cy))
+        .unwrap();
     let step = |i| {
         let (cx, cy) = path(i);
-        tracker.update(&rgb(&scene(320, 240, cx, cy), 320, 240)).unwrap()
+        tracker
+            .update(&rgb(&scene(320, 240, cx, cy), 320, 240))
+            .unwrap()
     };
     (1..frames).map(step).collect()
 }
@@ -72,8 +83,15 @@ fn turning(width: usize, height: usize, cx: i64, cy: i64, turned: f64) -> Vec<u8
             } else {
                 [30.0, 20.0, 60.0]
             };
-            let then = if dy.div_euclid(9) % 2 == 0 { [20.0, 90.0, 230.0] } else { [240.0, 240.0, 120.0] };
-            for (c, pixel) in rgb[3 * (y as usize * width + x as usize)..][..3].iter_mut().enumerate() {
+            let then = if dy.div_euclid(9) % 2 == 0 {
+                [20.0, 90.0, 230.0]
+            } else {
+                [240.0, 240.0, 120.0]
+            };
+            for (c, pixel) in rgb[3 * (y as usize * width + x as usize)..][..3]
+                .iter_mut()
+                .enumerate()
+            {
                 *pixel = (first[c] + turned * (then[c] - first[c])) as u8;
             }
         }
@@ -85,9 +103,17 @@ fn turning(width: usize, height: usize, cx: i64, cy: i64, turned: f64) -> Vec<u8
 fn the_template_learns_a_look_that_changes() {
     let model = Model::builtin(Isa::detect());
     let last_scores = |template_update| {
-        let config = TrackConfig { template_update, ..model.config() };
-        let mut tracker =
-            Tracker::with_options(model.clone(), TrackerOptions { config, ..TrackerOptions::of(&model) });
+        let config = TrackConfig {
+            template_update,
+            ..model.config()
+        };
+        let mut tracker = Tracker::with_options(
+            model.clone(),
+            TrackerOptions {
+                config,
+                ..TrackerOptions::of(&model)
+            },
+        );
         let mut last = 0.0;
         for i in 0..60i64 {
             let (cx, cy) = (100 + i, 90 + i / 2);
@@ -116,13 +142,25 @@ fn the_template_learns_a_look_that_changes() {
 fn a_target_that_leaps_out_of_the_search_region_is_found_by_its_filter() {
     let model = Model::builtin(Isa::detect());
     let last_overlap = |online_filter| {
-        let config = TrackConfig { online_filter, ..model.config() };
-        let mut tracker =
-            Tracker::with_options(model.clone(), TrackerOptions { config, ..TrackerOptions::of(&model) });
+        let config = TrackConfig {
+            online_filter,
+            ..model.config()
+        };
+        let mut tracker = Tracker::with_options(
+            model.clone(),
+            TrackerOptions {
+                config,
+                ..TrackerOptions::of(&model)
+            },
+        );
         let mut last = 0.0;
         for i in 0..16i64 {
             // One and a half sides in one frame; the search region reaches one.
-            let (cx, cy) = if i < 12 { (80 + i, 90 + i) } else { (80 + i + 56, 90 + i) };
+            let (cx, cy) = if i < 12 {
+                (80 + i, 90 + i)
+            } else {
+                (80 + i + 56, 90 + i)
+            };
             let pixels = turning(320, 240, cx, cy, 0.0);
             let frame = rgb(&pixels, 320, 240);
             let truth = BBox::new((cx - 18) as f32, (cy - 18) as f32, 37.0, 37.0);
@@ -134,16 +172,29 @@ fn a_target_that_leaps_out_of_the_search_region_is_found_by_its_filter() {
         }
         last
     };
-    assert!(last_overlap(0.0) < 0.1, "without a filter it is lost: overlap {}", last_overlap(0.0));
+    assert!(
+        last_overlap(0.0) < 0.1,
+        "without a filter it is lost: overlap {}",
+        last_overlap(0.0)
+    );
     assert!(last_overlap(0.6) > 0.6, "overlap {}", last_overlap(0.6));
 }
 
 #[test]
 fn adaptive_search_looks_at_less_and_follows_as_well() {
     let model = Model::builtin(Isa::detect());
-    let options = TrackerOptions { search: SearchRegion::Adaptive, ..TrackerOptions::of(&model) };
+    let options = TrackerOptions {
+        search: SearchRegion::Adaptive,
+        ..TrackerOptions::of(&model)
+    };
     let mut tracker = Tracker::with_options(model, options);
-    let place = |i: i64| if i < 12 { (120 + i, 90) } else { (140 + 9 * (i - 12), 90 + 5 * (i - 12)) };
+    let place = |i: i64| {
+        if i < 12 {
+            (120 + i, 90)
+        } else {
+            (140 + 9 * (i - 12), 90 + 5 * (i - 12))
+        }
+    };
     let mut small = Vec::new();
     for i in 0..24 {
         let (cx, cy) = place(i);
@@ -154,12 +205,24 @@ fn adaptive_search_looks_at_less_and_follows_as_well() {
             continue;
         }
         let track = tracker.update(&frame).unwrap();
-        assert!(track.bbox.iou(&cross_box(cx, cy)) > 0.5, "frame {i}: {track:?}");
+        assert!(
+            track.bbox.iou(&cross_box(cx, cy)) > 0.5,
+            "frame {i}: {track:?}"
+        );
         small.push(tracker.last_crop().len() == 239 * 239 * 3);
     }
-    assert!(small[..3].iter().all(|small| !small), "it begins with the whole region: {small:?}");
-    assert!(small[3..11].iter().filter(|small| **small).count() >= 4, "while all is calm: {small:?}");
-    assert!(small[12..].iter().any(|small| !small), "not when the target starts off: {small:?}");
+    assert!(
+        small[..3].iter().all(|small| !small),
+        "it begins with the whole region: {small:?}"
+    );
+    assert!(
+        small[3..11].iter().filter(|small| **small).count() >= 4,
+        "while all is calm: {small:?}"
+    );
+    assert!(
+        small[12..].iter().any(|small| !small),
+        "not when the target starts off: {small:?}"
+    );
 }
 
 #[test]
@@ -176,19 +239,31 @@ fn every_isa_gives_the_same_boxes() {
     let share = weights.header.tracker.online_filter;
     // In int8 a value that `f32` rounds differently may become the next byte; the filter's bump is broad, so that this may
     // decide between two neighboring cells, whose boxes are nearly the same.
-    for (precision, online_filter, least) in
-        [(Precision::F32, share, 0.999), (Precision::Int8, 0.0, 0.99), (Precision::Int8, share, 0.9)]
-    {
+    for (precision, online_filter, least) in [
+        (Precision::F32, share, 0.999),
+        (Precision::Int8, 0.0, 0.99),
+        (Precision::Int8, share, 0.9),
+    ] {
         let tracker = |isa| {
             let model = Model::with_precision(&weights, isa, precision).unwrap();
-            let config = TrackConfig { online_filter, ..model.config() };
-            let options = TrackerOptions { config, ..TrackerOptions::of(&model) };
+            let config = TrackConfig {
+                online_filter,
+                ..model.config()
+            };
+            let options = TrackerOptions {
+                config,
+                ..TrackerOptions::of(&model)
+            };
             Tracker::with_options(model, options)
         };
         let best = follow(&mut tracker(Isa::detect()), 6);
         for isa in Isa::available() {
             for (a, b) in follow(&mut tracker(isa), 6).iter().zip(&best) {
-                assert!(a.bbox.iou(&b.bbox) > least, "{isa} {}: {a:?}, expected {b:?}", precision.name());
+                assert!(
+                    a.bbox.iou(&b.bbox) > least,
+                    "{isa} {}: {a:?}, expected {b:?}",
+                    precision.name()
+                );
             }
         }
     }
@@ -210,13 +285,19 @@ fn a_refused_init_keeps_the_target() {
     assert!(matches!(refused, Err(TrackError::BadBox { .. })));
     let mut b = tracker(1);
     follow(&mut b, 3);
-    assert_eq!(a.update(&rgb(&frame, 320, 240)), b.update(&rgb(&frame, 320, 240)));
+    assert_eq!(
+        a.update(&rgb(&frame, 320, 240)),
+        b.update(&rgb(&frame, 320, 240))
+    );
 }
 
 #[test]
 fn update_needs_a_target() {
     let data = scene(64, 48, 30, 20);
-    assert_eq!(tracker(1).update(&rgb(&data, 64, 48)), Err(TrackError::NoTarget));
+    assert_eq!(
+        tracker(1).update(&rgb(&data, 64, 48)),
+        Err(TrackError::NoTarget)
+    );
 }
 
 #[test]
@@ -234,9 +315,18 @@ fn trackers_share_a_model_without_disturbing_each_other() {
     b.init(&rgb(&first, 320, 240), cross_box(240, 170)).unwrap();
     for i in 1..8 {
         let data = frame(i);
-        let (ta, tb) = (a.update(&rgb(&data, 320, 240)).unwrap(), b.update(&rgb(&data, 320, 240)).unwrap());
-        assert!(ta.bbox.iou(&cross_box(80 + 4 * i, 60)) > 0.5, "frame {i}: {ta:?}");
-        assert!(tb.bbox.iou(&cross_box(240 - 4 * i, 170)) > 0.5, "frame {i}: {tb:?}");
+        let (ta, tb) = (
+            a.update(&rgb(&data, 320, 240)).unwrap(),
+            b.update(&rgb(&data, 320, 240)).unwrap(),
+        );
+        assert!(
+            ta.bbox.iou(&cross_box(80 + 4 * i, 60)) > 0.5,
+            "frame {i}: {ta:?}"
+        );
+        assert!(
+            tb.bbox.iou(&cross_box(240 - 4 * i, 170)) > 0.5,
+            "frame {i}: {tb:?}"
+        );
     }
 }
 
@@ -265,7 +355,9 @@ fn channel_order_and_stride_do_not_matter() {
         fn view(data: &[u8], stride: usize, order: ChannelOrder) -> Frame<'_> {
             Frame::with_stride(data, 320, 240, stride, order).unwrap()
         }
-        tracker.init(&view(&first, stride, order), cross_box(120, 90)).unwrap();
+        tracker
+            .init(&view(&first, stride, order), cross_box(120, 90))
+            .unwrap();
         for i in 1..3 {
             let data = frame(i);
             let track = tracker.update(&view(&data, stride, order)).unwrap();
@@ -278,7 +370,10 @@ fn channel_order_and_stride_do_not_matter() {
 fn gray_frames_are_tracked() {
     let gray = |i| {
         let (cx, cy) = path(i);
-        scene(320, 240, cx, cy).chunks(3).map(|p| p[0]).collect::<Vec<u8>>()
+        scene(320, 240, cx, cy)
+            .chunks(3)
+            .map(|p| p[0])
+            .collect::<Vec<u8>>()
     };
     let mut tracker = tracker(1);
     fn view(data: &[u8]) -> Frame<'_> {
@@ -288,19 +383,32 @@ fn gray_frames_are_tracked() {
     for i in 1..8 {
         let (cx, cy) = path(i);
         let track = tracker.update(&view(&gray(i))).unwrap();
-        assert!(track.bbox.iou(&cross_box(cx, cy)) > 0.5, "frame {i}: {track:?}");
+        assert!(
+            track.bbox.iou(&cross_box(cx, cy)) > 0.5,
+            "frame {i}: {track:?}"
+        );
     }
 }
 
 #[test]
 fn the_frame_may_change_its_size() {
     let mut tracker = tracker(1);
-    tracker.init(&rgb(&scene(320, 240, 120, 90), 320, 240), cross_box(120, 90)).unwrap();
+    tracker
+        .init(
+            &rgb(&scene(320, 240, 120, 90), 320, 240),
+            cross_box(120, 90),
+        )
+        .unwrap();
     for (w, h) in [(400, 300), (200, 150), (1, 1), (2000, 3), (320, 240)] {
         let track = tracker.update(&rgb(&scene(w, h, 120, 90), w, h)).unwrap();
         let center = track.bbox.center();
-        assert!(center.cx >= 0.0 && center.cx <= w as f32 && center.cy >= 0.0 && center.cy <= h as f32);
-        assert!(track.bbox.w <= w as f32 && track.bbox.h <= h as f32, "{track:?} in {w}x{h}");
+        assert!(
+            center.cx >= 0.0 && center.cx <= w as f32 && center.cy >= 0.0 && center.cy <= h as f32
+        );
+        assert!(
+            track.bbox.w <= w as f32 && track.bbox.h <= h as f32,
+            "{track:?} in {w}x{h}"
+        );
     }
 }
 
@@ -322,8 +430,14 @@ fn odd_boxes_end_well() {
         tracker.init(&frame, bbox).unwrap();
         for _ in 0..3 {
             let track = tracker.update(&frame).unwrap();
-            assert!(track.bbox.is_finite() && track.score.is_finite(), "{bbox:?} gave {track:?}");
-            assert!(track.bbox.w >= 10.0 && track.bbox.w <= 160.0 && track.bbox.h <= 120.0, "{track:?}");
+            assert!(
+                track.bbox.is_finite() && track.score.is_finite(),
+                "{bbox:?} gave {track:?}"
+            );
+            assert!(
+                track.bbox.w >= 10.0 && track.bbox.w <= 160.0 && track.bbox.h <= 120.0,
+                "{track:?}"
+            );
         }
     }
     for bbox in [
@@ -332,24 +446,54 @@ fn odd_boxes_end_well() {
         BBox::new(0.0, 0.0, 0.0, 5.0),
         BBox::new(0.0, 0.0, 5.0, -1.0),
     ] {
-        assert!(matches!(tracker(1).init(&frame, bbox), Err(TrackError::BadBox { .. })), "{bbox:?}");
+        assert!(
+            matches!(
+                tracker(1).init(&frame, bbox),
+                Err(TrackError::BadBox { .. })
+            ),
+            "{bbox:?}"
+        );
     }
-    for bbox in
-        [BBox::new(160.0, 0.0, 5.0, 5.0), BBox::new(0.0, -9.0, 5.0, 5.0), BBox::new(-5.0, 3.0, 5.0, 5.0)]
-    {
-        assert!(matches!(tracker(1).init(&frame, bbox), Err(TrackError::BoxOutside { .. })), "{bbox:?}");
+    for bbox in [
+        BBox::new(160.0, 0.0, 5.0, 5.0),
+        BBox::new(0.0, -9.0, 5.0, 5.0),
+        BBox::new(-5.0, 3.0, 5.0, 5.0),
+    ] {
+        assert!(
+            matches!(
+                tracker(1).init(&frame, bbox),
+                Err(TrackError::BoxOutside { .. })
+            ),
+            "{bbox:?}"
+        );
     }
 }
 
 #[test]
 fn black_frames_end_well() {
     let mut tracker = tracker(1);
-    tracker.init(&rgb(&scene(320, 240, 120, 90), 320, 240), cross_box(120, 90)).unwrap();
+    tracker
+        .init(
+            &rgb(&scene(320, 240, 120, 90), 320, 240),
+            cross_box(120, 90),
+        )
+        .unwrap();
     let black = vec![0; 320 * 240 * 3];
     for _ in 0..50 {
         let track = tracker.update(&rgb(&black, 320, 240)).unwrap();
-        assert!(track.bbox.is_finite() && track.bbox.w <= 320.0 && track.bbox.h <= 240.0, "{track:?}");
+        assert!(
+            track.bbox.is_finite() && track.bbox.w <= 320.0 && track.bbox.h <= 240.0,
+            "{track:?}"
+        );
     }
-    tracker.init(&rgb(&black, 320, 240), cross_box(120, 90)).unwrap();
-    assert!(tracker.update(&rgb(&black, 320, 240)).unwrap().bbox.is_finite());
+    tracker
+        .init(&rgb(&black, 320, 240), cross_box(120, 90))
+        .unwrap();
+    assert!(
+        tracker
+            .update(&rgb(&black, 320, 240))
+            .unwrap()
+            .bbox
+            .is_finite()
+    );
 }

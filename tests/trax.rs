@@ -22,19 +22,29 @@ impl Clip {
         let (frames, init) = flight(4);
         let folder = folder(name);
         write_pngs(&folder, &frames);
-        Clip { folder, frames, init }
+        Clip {
+            folder,
+            frames,
+            init,
+        }
     }
 
     /// The transcript's text with this clip's folder, box and pictures in place of `DIR`, `BOX`, `MEMORY2`, `DATA3`.
     fn fill(&self, transcript: &str) -> String {
         let (width, height) = SIZE;
-        let memory = format!("image:{width};{height};rgb;{}", trax::base64::encode(&self.frames[1]));
+        let memory = format!(
+            "image:{width};{height};rgb;{}",
+            trax::base64::encode(&self.frames[1])
+        );
         let png = std::fs::read(self.folder.join("img3.png")).unwrap();
         transcript
             .replace("DIR", &self.folder.display().to_string())
             .replace("BOX", &self.init)
             .replace("MEMORY2", &memory)
-            .replace("DATA3", &format!("data:image/png;{}", trax::base64::encode(&png)))
+            .replace(
+                "DATA3",
+                &format!("data:image/png;{}", trax::base64::encode(&png)),
+            )
     }
 
     /// Sends the lines after `<` and expects those after `>`, `#` standing for any number; returns the states.
@@ -54,7 +64,10 @@ impl Clip {
                 to.flush().unwrap();
             } else if let Some(expected) = line.strip_prefix("> ") {
                 let found = lines.next().expect("an answer").unwrap();
-                assert!(is_like(&found, expected), "expected {expected}\nfound    {found}");
+                assert!(
+                    is_like(&found, expected),
+                    "expected {expected}\nfound    {found}"
+                );
                 states.extend(state(&found));
             }
         }
@@ -62,13 +75,26 @@ impl Clip {
         assert!(rest.is_empty(), "nothing more was expected, found {rest:?}");
         drop(to);
         let end = server.wait_with_output().unwrap();
-        assert!(end.status.success() && end.stderr.is_empty(), "{}", stderr(&end));
+        assert!(
+            end.status.success() && end.stderr.is_empty(),
+            "{}",
+            stderr(&end)
+        );
         states
     }
 
     /// What `track` finds in the same frames.
     fn tracked(&self) -> Vec<[f64; 4]> {
-        let output = run(["track", "--input", self.folder.to_str().unwrap(), "--init", &self.init], b"");
+        let output = run(
+            [
+                "track",
+                "--input",
+                self.folder.to_str().unwrap(),
+                "--init",
+                &self.init,
+            ],
+            b"",
+        );
         stdout(&output).lines().map(numbers).collect()
     }
 }
@@ -80,7 +106,8 @@ fn numbers(text: &str) -> [f64; 4] {
 
 /// The box of a `state`.
 fn state(line: &str) -> Option<[f64; 4]> {
-    line.strip_prefix("@@TRAX:state \"").map(|rest| numbers(rest.split('"').next().unwrap()))
+    line.strip_prefix("@@TRAX:state \"")
+        .map(|rest| numbers(rest.split('"').next().unwrap()))
 }
 
 /// Whether a line is as expected, where `#` stands for a number.
@@ -88,8 +115,9 @@ fn is_like(found: &str, expected: &str) -> bool {
     let mut rest = found;
     for (i, part) in expected.split('#').enumerate() {
         if i > 0 {
-            let end =
-                rest.find(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-')).unwrap_or(rest.len());
+            let end = rest
+                .find(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))
+                .unwrap_or(rest.len());
             if rest[..end].parse::<f64>().is_err() {
                 return false;
             }
@@ -106,7 +134,10 @@ fn is_like(found: &str, expected: &str) -> bool {
 fn assert_near(found: &[[f64; 4]], expected: &[[f64; 4]]) {
     assert_eq!(found.len(), expected.len());
     for (a, b) in found.iter().zip(expected) {
-        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3), "{found:?}\n{expected:?}");
+        assert!(
+            a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3),
+            "{found:?}\n{expected:?}"
+        );
     }
 }
 
@@ -155,7 +186,10 @@ fn versions_1_and_3_take_image_and_region_at_once() {
     "##;
     let hello = "> @@TRAX:hello trax.version=VERSION trax.name=track-cpu trax.region=rectangle;polygon;mask \
                  trax.image=path;memory;data MORE\n";
-    for (version, more) in [("1", "trax.identifier=track-cpu"), ("3", "trax.channels=color")] {
+    for (version, more) in [
+        ("1", "trax.identifier=track-cpu"),
+        ("3", "trax.channels=color"),
+    ] {
         let hello = hello.replace("VERSION", version).replace("MORE", more);
         let states = clip.play(version, &(hello + talk));
         let tracked = clip.tracked();
@@ -236,35 +270,96 @@ fn malformed_messages_end_the_session() {
         ("4", "@@TRAX:initialize 1,2,x,4", "region"),
         ("4", "@@TRAX:initialize mask:0,0,5,5,99", "region"),
         ("4", &objects, "at most 64 objects"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame file:///nonexistent/1.jpg", "/nonexistent/1.jpg"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame file:///dev/zero", "expected a picture file"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame file://DIR", "expected a picture file"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame file://-", "absolute path"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame http://host/a.jpg", "image"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame file://DIR/cut.jpg", "cut.jpg"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame file://DIR/huge.bmp", "huge.bmp"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame image:9999;9999;rgb;AAAA", "image"),
-        ("4", "@@TRAX:initialize BOX\n@@TRAX:frame data:image/jpeg;AAAA", "found something else"),
-        ("4", "@@TRAX:initialize 1,2,-3,4\n@@TRAX:frame file://DIR/img1.png", "width and height above 0"),
-        ("4", "@@TRAX:initialize 1e9,2,3,4\n@@TRAX:frame file://DIR/img1.png", "outside"),
-        ("3", "@@TRAX:frame file://DIR/img1.png", "expected initialize before it"),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame file:///nonexistent/1.jpg",
+            "/nonexistent/1.jpg",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame file:///dev/zero",
+            "expected a picture file",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame file://DIR",
+            "expected a picture file",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame file://-",
+            "absolute path",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame http://host/a.jpg",
+            "image",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame file://DIR/cut.jpg",
+            "cut.jpg",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame file://DIR/huge.bmp",
+            "huge.bmp",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame image:9999;9999;rgb;AAAA",
+            "image",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize BOX\n@@TRAX:frame data:image/jpeg;AAAA",
+            "found something else",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize 1,2,-3,4\n@@TRAX:frame file://DIR/img1.png",
+            "width and height above 0",
+        ),
+        (
+            "4",
+            "@@TRAX:initialize 1e9,2,3,4\n@@TRAX:frame file://DIR/img1.png",
+            "outside",
+        ),
+        (
+            "3",
+            "@@TRAX:frame file://DIR/img1.png",
+            "expected initialize before it",
+        ),
         ("3", "@@TRAX:initialize 1,2,3,4", "an image and a region"),
         ("1", "@@TRAX:initialize", "an image and a region"),
     ] {
-        let output = run(["trax", "--protocol", protocol], format!("{}\n", clip.fill(said)).as_bytes());
+        let output = run(
+            ["trax", "--protocol", protocol],
+            format!("{}\n", clip.fill(said)).as_bytes(),
+        );
         let (said_back, told) = (stdout(&output), stderr(&output));
         let last = said_back.lines().last().unwrap_or_default();
         assert_eq!(output.status.code(), Some(3), "{said}: {told}");
-        assert!(last.starts_with("@@TRAX:quit \"trax.reason="), "{said}: {said_back}");
+        assert!(
+            last.starts_with("@@TRAX:quit \"trax.reason="),
+            "{said}: {said_back}"
+        );
         assert!(last.contains(part), "{said}: {last}");
-        assert!(told.starts_with("error: TraX client: ") && told.lines().count() == 1, "{told}");
+        assert!(
+            told.starts_with("error: TraX client: ") && told.lines().count() == 1,
+            "{told}"
+        );
     }
 }
 
 /// A bitmap's header that promises 30000 x 30000 pixels.
 fn huge_bitmap() -> Vec<u8> {
     let mut bytes = b"BM".to_vec();
-    bytes.extend([54u32, 0, 54, 40, 30000, 30000].iter().flat_map(|n| n.to_le_bytes()));
+    bytes.extend(
+        [54u32, 0, 54, 40, 30000, 30000]
+            .iter()
+            .flat_map(|n| n.to_le_bytes()),
+    );
     bytes.extend([1u16, 24].iter().flat_map(|n| n.to_le_bytes()));
     bytes.extend([0u8; 24]);
     bytes
@@ -272,14 +367,27 @@ fn huge_bitmap() -> Vec<u8> {
 
 #[test]
 fn a_client_that_goes_is_no_error() {
-    for said in ["", "talk\n", "@@TRAX:quit\n", "@@TRAX:initialize \"1,2,3,4\"\n"] {
+    for said in [
+        "",
+        "talk\n",
+        "@@TRAX:quit\n",
+        "@@TRAX:initialize \"1,2,3,4\"\n",
+    ] {
         let output = run(["trax"], said.as_bytes());
-        assert!(output.status.success() && output.stderr.is_empty(), "{said}: {}", stderr(&output));
+        assert!(
+            output.status.success() && output.stderr.is_empty(),
+            "{said}: {}",
+            stderr(&output)
+        );
         assert_eq!(stdout(&output).lines().count(), 1);
     }
     assert_eq!(run(["trax", "--protocol", "2"], b"").status.code(), Some(2));
     let unusable = run(["trax", "--model", "/nonexistent.safetensors"], b"");
-    assert!(unusable.status.code() == Some(4) && unusable.stdout.is_empty(), "{}", stderr(&unusable));
+    assert!(
+        unusable.status.code() == Some(4) && unusable.stdout.is_empty(),
+        "{}",
+        stderr(&unusable)
+    );
 }
 
 #[test]
@@ -289,17 +397,28 @@ fn a_socket_in_place_of_pipes() {
     let mut server = program(["trax"]).env("TRAX_SOCKET", &port).spawn().unwrap();
     let (mut stream, _) = listener.accept().unwrap();
     let mut hello = String::new();
-    BufReader::new(stream.try_clone().unwrap()).read_line(&mut hello).unwrap();
+    BufReader::new(stream.try_clone().unwrap())
+        .read_line(&mut hello)
+        .unwrap();
     assert!(hello.starts_with("@@TRAX:hello trax.version=4"), "{hello}");
     stream.write_all(b"@@TRAX:quit\n").unwrap();
     assert!(server.wait().unwrap().success());
-    let refused = program(["trax"]).env("TRAX_SOCKET", "no port").output().unwrap();
+    let refused = program(["trax"])
+        .env("TRAX_SOCKET", "no port")
+        .output()
+        .unwrap();
     assert_eq!(refused.status.code(), Some(3));
-    assert!(stderr(&refused).contains("expected a port number"), "{}", stderr(&refused));
+    assert!(
+        stderr(&refused).contains("expected a port number"),
+        "{}",
+        stderr(&refused)
+    );
 }
 
 #[test]
 fn the_test_tells_numbers_from_text() {
     assert!(is_like("a 1.5,-2 b", "a #,# b") && is_like("x", "x"));
-    assert!(!is_like("a x,2 b", "a #,# b") && !is_like("a 1 b c", "a # b") && !is_like("a  b", "a # b"));
+    assert!(
+        !is_like("a x,2 b", "a #,# b") && !is_like("a 1 b c", "a # b") && !is_like("a  b", "a # b")
+    );
 }

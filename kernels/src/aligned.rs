@@ -16,7 +16,11 @@ pub struct Aligned<T> {
 
 impl<T> Default for Aligned<T> {
     fn default() -> Aligned<T> {
-        Aligned { memory: Memory::Heap(Vec::new()), len: 0, values: PhantomData }
+        Aligned {
+            memory: Memory::Heap(Vec::new()),
+            len: 0,
+            values: PhantomData,
+        }
     }
 }
 
@@ -78,7 +82,11 @@ impl Memory {
 
     fn zeros(lines: usize) -> Memory {
         let bytes = lines * size_of::<Line>();
-        match if lines >= Memory::HUGE { MmapMut::map_anon(bytes).ok() } else { None } {
+        match if lines >= Memory::HUGE {
+            MmapMut::map_anon(bytes).ok()
+        } else {
+            None
+        } {
             Some(map) => {
                 #[cfg(target_os = "linux")]
                 let _ = map.advise(memmap2::Advice::HugePage); // a wish: small pages do as well
@@ -134,7 +142,12 @@ mod tests {
     #[test]
     fn they_begin_with_a_line() {
         for len in [1, 15, 16, 17, 1000, 100_000, 3_000_000] {
-            assert!(Aligned::<f32>::zeros(len).as_ptr().addr().is_multiple_of(64));
+            assert!(
+                Aligned::<f32>::zeros(len)
+                    .as_ptr()
+                    .addr()
+                    .is_multiple_of(64)
+            );
             assert!(Aligned::<u8>::zeros(len).as_ptr().addr().is_multiple_of(64));
         }
     }
@@ -157,12 +170,16 @@ mod tests {
         let mut values = Aligned::from(&[7u8; 100][..]);
         values.resize(5_000_000);
         assert!(
-            values[..100].iter().all(|value| *value == 7) && values[100..].iter().all(|value| *value == 0)
+            values[..100].iter().all(|value| *value == 7)
+                && values[100..].iter().all(|value| *value == 0)
         );
         values[4_999_999] = 9;
         let copy = values.clone();
         values.resize(4_999_999);
         values.resize(5_000_000);
-        assert_eq!((values[4_999_999], copy[4_999_999], copy.len()), (0, 9, 5_000_000));
+        assert_eq!(
+            (values[4_999_999], copy[4_999_999], copy.len()),
+            (0, 9, 5_000_000)
+        );
     }
 }

@@ -29,8 +29,14 @@ impl FilterShape {
     /// Panics if the filter is larger than the features.
     pub fn out_size(&self) -> Size {
         let FilterShape { size, filter, .. } = self;
-        assert!(filter.h <= size.h && filter.w <= size.w, "filter {filter:?} on {size:?}");
-        Size { h: size.h - filter.h + 1, w: size.w - filter.w + 1 }
+        assert!(
+            filter.h <= size.h && filter.w <= size.w,
+            "filter {filter:?} on {size:?}"
+        );
+        Size {
+            h: size.h - filter.h + 1,
+            w: size.w - filter.w + 1,
+        }
     }
 
     /// Values of the filter.
@@ -83,11 +89,21 @@ pub fn respond(
     out: &mut [f32],
 ) {
     let out_size = shape.out_size();
-    assert_eq!(features.len(), shape.size.area() * shape.channels, "features of a filter");
+    assert_eq!(
+        features.len(),
+        shape.size.area() * shape.channels,
+        "features of a filter"
+    );
     assert_eq!(filter.len(), shape.filter_len(), "values of a filter");
     assert_eq!(out.len(), out_size.area(), "response of a filter");
     threads.split_rows(out, out_size.w, |first_row, out| {
-        isa.run(Respond { shape, features, filter, first_row, out });
+        isa.run(Respond {
+            shape,
+            features,
+            filter,
+            first_row,
+            out,
+        });
     });
 }
 
@@ -102,11 +118,25 @@ pub fn adjoint(
     response: &[f32],
     out: &mut [f32],
 ) {
-    assert_eq!(features.len(), shape.size.area() * shape.channels, "features of a filter");
-    assert_eq!(response.len(), shape.out_size().area(), "response of a filter");
+    assert_eq!(
+        features.len(),
+        shape.size.area() * shape.channels,
+        "features of a filter"
+    );
+    assert_eq!(
+        response.len(),
+        shape.out_size().area(),
+        "response of a filter"
+    );
     assert_eq!(out.len(), shape.filter_len(), "values of a filter");
     threads.split_rows(out, shape.row_len(), |first_row, out| {
-        isa.run(Adjoint { shape, features, response, first_row, out });
+        isa.run(Adjoint {
+            shape,
+            features,
+            response,
+            first_row,
+            out,
+        });
     });
 }
 
@@ -162,13 +192,21 @@ impl Respond<'_> {
         x: usize,
         width: usize,
     ) -> usize {
-        let FilterShape { filter, channels, .. } = self.shape;
-        let load =
-            |from: &[f32]| if from.len() >= S::LANES { simd.load(from) } else { simd.load_partial(from) };
+        let FilterShape {
+            filter, channels, ..
+        } = self.shape;
+        let load = |from: &[f32]| {
+            if from.len() >= S::LANES {
+                simd.load(from)
+            } else {
+                simd.load_partial(from)
+            }
+        };
         let mut sums = [simd.zero(); VALUES];
         for u in 0..filter.h {
             for v in (0..filter.w).step_by(TAPS) {
-                let met = &self.shape.met(self.features, u, self.first_row + y, x + v)[..CELLS * channels];
+                let met = &self.shape.met(self.features, u, self.first_row + y, x + v)
+                    [..CELLS * channels];
                 let taps = &self.filter[(u * filter.w + v) * channels..][..TAPS * channels];
                 for c in (0..channels).step_by(S::LANES) {
                     let end = channels.min(c + S::LANES);
@@ -179,7 +217,10 @@ impl Respond<'_> {
                     if u + 1 == filter.h && v == 0 {
                         // A look comes from memory or the third cache, and this is the first time that it is read.
                         for i in 0..VALUES {
-                            simd.prefetch(&met[i * channels + c..], AHEAD * self.shape.size.w * channels);
+                            simd.prefetch(
+                                &met[i * channels + c..],
+                                AHEAD * self.shape.size.w * channels,
+                            );
                         }
                     }
                     for t in 0..TAPS {
@@ -208,10 +249,16 @@ impl Kernel for Adjoint<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let (height, last) = (self.shape.out_size().h, self.out.len() / self.shape.row_len());
+        let (height, last) = (
+            self.shape.out_size().h,
+            self.out.len() / self.shape.row_len(),
+        );
         for from in 0..self.shape.size.h {
             // The rows of the filter that meet this row of the features: all of them while it is in the nearest cache.
-            let met = |u: usize| from.checked_sub(self.first_row + u).is_some_and(|y| y < height);
+            let met = |u: usize| {
+                from.checked_sub(self.first_row + u)
+                    .is_some_and(|y| y < height)
+            };
             let mut u = (0..last).find(|u| met(*u)).unwrap_or(last);
             let end = (u..last).take_while(|u| met(*u)).count() + u;
             while u < end {
@@ -236,9 +283,10 @@ impl Adjoint<'_> {
                 4.. if S::LANES == 16 => self.tile::<S, ROWS, 4>(simd, u, from, t),
                 2.. => self.tile::<S, ROWS, 2>(simd, u, from, t),
                 1.. => self.tile::<S, ROWS, 1>(simd, u, from, t),
-                _ => {
-                    (u..u + ROWS).map(|u| self.rest(simd, u, from - self.first_row - u, t)).max().unwrap_or(0)
-                }
+                _ => (u..u + ROWS)
+                    .map(|u| self.rest(simd, u, from - self.first_row - u, t))
+                    .max()
+                    .unwrap_or(0),
             };
         }
         ROWS
@@ -310,33 +358,47 @@ mod tests {
 
     fn shapes() -> impl Iterator<Item = FilterShape> {
         let sizes = [(4, 4, 4), (7, 9, 4), (6, 5, 1), (5, 14, 3)];
-        [1, 3, 4, 7, 8, 15, 16, 47, 128].into_iter().flat_map(move |channels| {
-            sizes.map(|(h, w, side)| FilterShape {
-                size: Size { h, w },
-                filter: Size::square(side),
-                channels,
+        [1, 3, 4, 7, 8, 15, 16, 47, 128]
+            .into_iter()
+            .flat_map(move |channels| {
+                sizes.map(|(h, w, side)| FilterShape {
+                    size: Size { h, w },
+                    filter: Size::square(side),
+                    channels,
+                })
             })
-        })
     }
 
     #[test]
     fn response_and_adjoint_equal_the_reference() {
         for shape in shapes() {
-            let FilterShape { size, filter, channels } = shape;
+            let FilterShape {
+                size,
+                filter,
+                channels,
+            } = shape;
             let x = noise(size.area() * channels, 5);
             let f = noise(shape.filter_len(), 6);
             let r = noise(shape.out_size().area(), 7);
             let start = noise(shape.filter_len(), 8);
             let response = reference::filter(size, filter, channels, &x, &f);
             let adjoint_of = reference::filter_adjoint(size, filter, channels, &x, &r);
-            let added: Vec<f64> =
-                adjoint_of.iter().zip(&start).map(|(new, start)| new + f64::from(*start)).collect();
+            let added: Vec<f64> = adjoint_of
+                .iter()
+                .zip(&start)
+                .map(|(new, start)| new + f64::from(*start))
+                .collect();
             for isa in Isa::available() {
                 for count in [1, 2] {
                     let threads = Threads::new(count);
                     let mut out = vec![f32::NAN; response.len()];
                     threads.enter(|| respond(isa, &threads, shape, &x, &f, &mut out));
-                    assert_close(&out, &response, 1e-5, &format!("response, {shape:?}, {isa}"));
+                    assert_close(
+                        &out,
+                        &response,
+                        1e-5,
+                        &format!("response, {shape:?}, {isa}"),
+                    );
                     let mut out = start.clone();
                     threads.enter(|| adjoint(isa, &threads, shape, &x, &r, &mut out));
                     assert_close(&out, &added, 1e-5, &format!("adjoint, {shape:?}, {isa}"));
@@ -348,7 +410,11 @@ mod tests {
     #[test]
     fn what_lies_beside_a_row_does_not_count() {
         // The last partial vector of a row must not take in the next pixel, not even times zero.
-        let shape = FilterShape { size: Size { h: 1, w: 3 }, filter: Size { h: 1, w: 2 }, channels: 3 };
+        let shape = FilterShape {
+            size: Size { h: 1, w: 3 },
+            filter: Size { h: 1, w: 2 },
+            channels: 3,
+        };
         let mut x = noise(9, 1);
         x[6..].fill(f32::NAN);
         for isa in Isa::available() {

@@ -76,7 +76,9 @@ impl Isa {
 
     /// The fastest instruction set of this machine.
     pub fn detect() -> Isa {
-        *Isa::available().last().expect("the portable set is always there")
+        *Isa::available()
+            .last()
+            .expect("the portable set is always there")
     }
 
     /// The instruction set called `name`, as [`name`](Self::name) gives it.
@@ -84,7 +86,9 @@ impl Isa {
     /// # Errors
     /// If there is no such set on this machine; the message lists those there are.
     pub fn from_name(name: &str) -> Result<Isa, IsaError> {
-        let found = Isa::available().into_iter().find(|isa| isa.name().eq_ignore_ascii_case(name));
+        let found = Isa::available()
+            .into_iter()
+            .find(|isa| isa.name().eq_ignore_ascii_case(name));
         found.ok_or_else(|| IsaError { found: name.into() })
     }
 
@@ -234,7 +238,10 @@ mod tests {
             assert_eq!(Isa::from_name(isa.name()), Ok(isa));
         }
         let message = Isa::from_name("mmx").unwrap_err().to_string();
-        assert!(message.contains("mmx") && message.contains("portable"), "{message}");
+        assert!(
+            message.contains("mmx") && message.contains("portable"),
+            "{message}"
+        );
         assert_eq!(Isa::available().last(), Some(&Isa::detect()));
     }
 }

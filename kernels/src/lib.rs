@@ -79,10 +79,14 @@ mod testing {
     /// Asserts that no value is further than `tolerance` of the expected values' RMS from its twin.
     pub fn assert_close(found: &[f32], expected: &[f64], tolerance: f64, what: &str) {
         assert_eq!(found.len(), expected.len(), "{what}: length");
-        let rms = (expected.iter().map(|v| v * v).sum::<f64>() / expected.len().max(1) as f64).sqrt();
+        let rms =
+            (expected.iter().map(|v| v * v).sum::<f64>() / expected.len().max(1) as f64).sqrt();
         for (i, (f, e)) in found.iter().zip(expected).enumerate() {
             let error = (f64::from(*f) - e).abs();
-            assert!(error <= tolerance * rms.max(1e-6), "{what}: [{i}] is {f}, expected {e}");
+            assert!(
+                error <= tolerance * rms.max(1e-6),
+                "{what}: [{i}] is {f}, expected {e}"
+            );
         }
     }
 }

@@ -40,15 +40,22 @@ impl Threads {
     fn start(count: usize, cores: Cores) -> Threads {
         let count = count.clamp(1, Self::MAX);
         let ids: Vec<usize> = cores.ids().collect();
-        let mut builder =
-            rayon::ThreadPoolBuilder::new().num_threads(count).thread_name(|i| format!("kernel-{i}"));
+        let mut builder = rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .thread_name(|i| format!("kernel-{i}"));
         if cores != Cores::ANY {
             builder = builder.start_handler(move |i| {
-                core_affinity::set_for_current(CoreId { id: ids[i % ids.len()] });
+                core_affinity::set_for_current(CoreId {
+                    id: ids[i % ids.len()],
+                });
             });
         }
         let needed = count > 1 || cores != Cores::ANY;
-        let workers = if needed { builder.build().ok().map(Arc::new) } else { None };
+        let workers = if needed {
+            builder.build().ok().map(Arc::new)
+        } else {
+            None
+        };
         let count = if workers.is_some() { count } else { 1 };
         Threads { workers, count }
     }
@@ -80,15 +87,25 @@ impl Threads {
             b(self, room_a);
             return;
         }
-        let some = |count: usize| Threads { workers: self.workers.clone(), count };
+        let some = |count: usize| Threads {
+            workers: self.workers.clone(),
+            count,
+        };
         let (first, second) = (some(self.count / 2), some(self.count - self.count / 2));
         rayon::join(|| a(&first, room_a), || b(&second, room_b));
     }
 
     /// Splits `out` into blocks of whole rows of `row_len` values, one per thread, and calls `work(first_row, block)`
     /// for each. Call within [`enter`](Self::enter).
-    pub fn split_rows<T: Send>(&self, out: &mut [T], row_len: usize, work: impl Fn(usize, &mut [T]) + Sync) {
-        self.split_rows_with(out, row_len, 1, &mut [], |first_row, block, _| work(first_row, block));
+    pub fn split_rows<T: Send>(
+        &self,
+        out: &mut [T],
+        row_len: usize,
+        work: impl Fn(usize, &mut [T]) + Sync,
+    ) {
+        self.split_rows_with(out, row_len, 1, &mut [], |first_row, block, _| {
+            work(first_row, block)
+        });
     }
 
     /// As [`split_rows`](Self::split_rows) at multiples of `unit` rows, and gives each thread its equal part of `scratch`.
@@ -100,7 +117,11 @@ impl Threads {
         scratch: &mut [f32],
         work: impl Fn(usize, &mut [T], &mut [f32]) + Sync,
     ) {
-        assert!(row_len > 0 && out.len().is_multiple_of(row_len), "rows of {row_len} in {}", out.len());
+        assert!(
+            row_len > 0 && out.len().is_multiple_of(row_len),
+            "rows of {row_len} in {}",
+            out.len()
+        );
         split(self.count, 0, out, row_len, unit, scratch, &work);
     }
 }
@@ -128,7 +149,17 @@ fn split<T: Send>(
     let (scratch_a, scratch_b) = scratch.split_at_mut(scratch.len() / threads * left);
     rayon::join(
         || split(left, first_row, a, row_len, unit, scratch_a, work),
-        || split(threads - left, first_row + left_rows, b, row_len, unit, scratch_b, work),
+        || {
+            split(
+                threads - left,
+                first_row + left_rows,
+                b,
+                row_len,
+                unit,
+                scratch_b,
+                work,
+            )
+        },
     );
 }
 
@@ -187,7 +218,8 @@ pub enum TileRows<'a> {
 impl MapPart<'_> {
     /// Rows of the map from that on in which the first tile begins.
     pub fn height(&self) -> usize {
-        let shared = [&self.head, &self.tail].map(|rows| rows.iter().filter(|row| !row.is_empty()).count());
+        let shared =
+            [&self.head, &self.tail].map(|rows| rows.iter().filter(|row| !row.is_empty()).count());
         self.out.len() / self.tiling.row_len + shared[0] + shared[1]
     }
 
@@ -199,15 +231,25 @@ impl MapPart<'_> {
         let shared = usize::from(head > 0);
         if band < shared {
             let rows = self.head.each_mut();
-            return TileRows::Cut(
-                rows.map(|row| if row.is_empty() { row } else { &mut row[head + first - row_len..] }),
-            );
+            return TileRows::Cut(rows.map(|row| {
+                if row.is_empty() {
+                    row
+                } else {
+                    &mut row[head + first - row_len..]
+                }
+            }));
         }
         let start = (band - shared) * rows * row_len;
         if start < self.out.len() {
             return TileRows::Whole(&mut self.out[start + first..], row_len);
         }
-        TileRows::Cut(self.tail.each_mut().map(|row| if row.is_empty() { row } else { &mut row[first..] }))
+        TileRows::Cut(self.tail.each_mut().map(|row| {
+            if row.is_empty() {
+                row
+            } else {
+                &mut row[first..]
+            }
+        }))
     }
 }
 
@@ -221,11 +263,20 @@ impl Threads {
         work: impl Fn(Share<'_>) + Sync,
     ) {
         let Tiling { row_len, rows, .. } = tiling;
-        assert!(rows <= Tiling::ROWS && out.len().is_multiple_of(row_len), "{tiling:?} in {}", out.len());
+        assert!(
+            rows <= Tiling::ROWS && out.len().is_multiple_of(row_len),
+            "{tiling:?} in {}",
+            out.len()
+        );
         let bands = out.len().div_ceil(rows * row_len);
         // So many that each has a whole row of tiles at least: then two share one at most.
         let threads = self.count.min(bands);
-        let map = MapPart { tiling, head: Default::default(), out, tail: Default::default() };
+        let map = MapPart {
+            tiling,
+            head: Default::default(),
+            out,
+            tail: Default::default(),
+        };
         split_tiles(threads, 0..bands * tiling.across(), map, scratch, &work);
     }
 }
@@ -242,25 +293,53 @@ fn split_tiles(
     if threads <= 1 {
         let skipped = tiles.start % across;
         let first_row = tiles.start / across * rows;
-        return work(Share { first_row, tiles: skipped..skipped + tiles.len(), map, scratch });
+        return work(Share {
+            first_row,
+            tiles: skipped..skipped + tiles.len(),
+            map,
+            scratch,
+        });
     }
     let left = threads / 2;
     let middle = tiles.start + tiles.len() * left / threads;
-    let MapPart { tiling, head, out, tail } = map;
+    let MapPart {
+        tiling,
+        head,
+        out,
+        tail,
+    } = map;
     let bands = middle / across - tiles.start.div_ceil(across); // whole ones of the left part
     let (out_a, rest) = out.split_at_mut(bands * rows * row_len);
-    let shared = if middle.is_multiple_of(across) { 0 } else { rows * row_len };
+    let shared = if middle.is_multiple_of(across) {
+        0
+    } else {
+        rows * row_len
+    };
     let (band, out_b) = rest.split_at_mut(shared);
-    let mut ends = band.chunks_exact_mut(row_len).map(|row| row.split_at_mut(middle % across * len));
+    let mut ends = band
+        .chunks_exact_mut(row_len)
+        .map(|row| row.split_at_mut(middle % across * len));
     let (mut tail_a, mut head_b): ([&mut [f32]; Tiling::ROWS], _) = Default::default();
-    for ((tail, head), (a, b)) in
-        tail_a.iter_mut().zip::<&mut [&mut [f32]; Tiling::ROWS]>(&mut head_b).zip(&mut ends)
+    for ((tail, head), (a, b)) in tail_a
+        .iter_mut()
+        .zip::<&mut [&mut [f32]; Tiling::ROWS]>(&mut head_b)
+        .zip(&mut ends)
     {
         (*tail, *head) = (a, b);
     }
     let (scratch_a, scratch_b) = scratch.split_at_mut(scratch.len() / threads * left);
-    let a = MapPart { tiling, head, out: out_a, tail: tail_a };
-    let b = MapPart { tiling, head: head_b, out: out_b, tail };
+    let a = MapPart {
+        tiling,
+        head,
+        out: out_a,
+        tail: tail_a,
+    };
+    let b = MapPart {
+        tiling,
+        head: head_b,
+        out: out_b,
+        tail,
+    };
     rayon::join(
         || split_tiles(left, tiles.start..middle, a, scratch_a, work),
         || split_tiles(threads - left, middle..tiles.end, b, scratch_b, work),
@@ -278,7 +357,10 @@ impl Cores {
     /// Those that this process may run on.
     pub fn available() -> Cores {
         let mut cores = Cores::ANY;
-        core_affinity::get_core_ids().unwrap_or_default().iter().for_each(|core| _ = cores.add(core.id));
+        core_affinity::get_core_ids()
+            .unwrap_or_default()
+            .iter()
+            .for_each(|core| _ = cores.add(core.id));
         cores
     }
 
@@ -300,7 +382,13 @@ impl Cores {
 
 impl std::fmt::Display for Cores {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.ids().map(|id| id.to_string()).collect::<Vec<_>>().join(","))
+        f.write_str(
+            &self
+                .ids()
+                .map(|id| id.to_string())
+                .collect::<Vec<_>>()
+                .join(","),
+        )
     }
 }
 
@@ -313,7 +401,8 @@ impl FromStr for Cores {
             let mut cores = Cores::ANY;
             for part in text.split(',') {
                 let (first, last) = part.split_once('-').unwrap_or((part, part));
-                let (first, last): (usize, usize) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
+                let (first, last): (usize, usize) =
+                    (first.trim().parse().ok()?, last.trim().parse().ok()?);
                 if first > last || last >= Threads::MAX {
                     return None;
                 }
@@ -332,7 +421,11 @@ mod tests {
     #[test]
     fn tiles_are_shared_evenly() {
         let (width, height, channels) = (23, 17, 2);
-        let tiling = Tiling { row_len: width * channels, rows: 4, len: 5 * channels };
+        let tiling = Tiling {
+            row_len: width * channels,
+            rows: 4,
+            len: 5 * channels,
+        };
         for count in 1..9 {
             let threads = Threads::new(count);
             let mut out = vec![0.0; height * tiling.row_len];
@@ -346,7 +439,9 @@ mod tests {
                     for tile in share.tiles {
                         let (band, column) = (tile / 5, tile % 5);
                         let mut rows: Vec<&mut [f32]> = match map.tile(band, column) {
-                            TileRows::Whole(values, row_len) => values.chunks_mut(row_len).collect(),
+                            TileRows::Whole(values, row_len) => {
+                                values.chunks_mut(row_len).collect()
+                            }
                             TileRows::Cut(rows) => rows.into(),
                         };
                         let first = share.first_row + 4 * band;
@@ -360,10 +455,19 @@ mod tests {
                     }
                 });
             });
-            assert!(out.iter().enumerate().all(|(i, value)| *value == i as f32), "{count} threads");
+            assert!(
+                out.iter().enumerate().all(|(i, value)| *value == i as f32),
+                "{count} threads"
+            );
             let sizes = sizes.into_inner().unwrap();
-            assert_eq!((sizes.len(), sizes.iter().sum::<usize>()), (count.min(5), 25));
-            assert!(sizes.iter().max().unwrap() - sizes.iter().min().unwrap() <= 1, "{sizes:?}");
+            assert_eq!(
+                (sizes.len(), sizes.iter().sum::<usize>()),
+                (count.min(5), 25)
+            );
+            assert!(
+                sizes.iter().max().unwrap() - sizes.iter().min().unwrap() <= 1,
+                "{sizes:?}"
+            );
         }
     }
 
@@ -373,7 +477,8 @@ mod tests {
         assert!(cores.ids().eq([0, 2, 4, 5, 6]));
         assert_eq!(cores.to_string(), "0,2,4,5,6");
         assert!(
-            "2,5".parse::<Cores>().unwrap().within(cores) && !"3".parse::<Cores>().unwrap().within(cores)
+            "2,5".parse::<Cores>().unwrap().within(cores)
+                && !"3".parse::<Cores>().unwrap().within(cores)
         );
         for bad in ["", "a", "3-1", "256", "1,", "-1", "99999999999999999999"] {
             assert!(bad.parse::<Cores>().is_err(), "{bad}");
@@ -389,9 +494,15 @@ mod tests {
             let threads = Threads::pinned(count, only);
             assert_eq!(threads.count(), count);
             let found = threads.enter(|| rayon::broadcast(|_| Cores::available()));
-            assert!(found.iter().all(|cores| *cores == only), "{count} threads: {found:?}");
+            assert!(
+                found.iter().all(|cores| *cores == only),
+                "{count} threads: {found:?}"
+            );
         }
-        assert!(Cores::available().ids().eq(all), "the caller's own thread is not held");
+        assert!(
+            Cores::available().ids().eq(all),
+            "the caller's own thread is not held"
+        );
     }
 
     #[test]
@@ -400,7 +511,8 @@ mod tests {
         if all.len() < 2 {
             return;
         }
-        let found = Threads::pinned(all.len(), Cores::ANY).enter(|| rayon::broadcast(|_| Cores::available()));
+        let found = Threads::pinned(all.len(), Cores::ANY)
+            .enter(|| rayon::broadcast(|_| Cores::available()));
         let mut held: Vec<usize> = found.into_iter().flat_map(Cores::ids).collect();
         held.sort_unstable();
         assert_eq!(held, all);
@@ -433,17 +545,24 @@ mod tests {
             let mut counts = [0, 0];
             let [first, second] = &mut counts;
             let add = |row: usize, factor: usize, values: &mut [usize]| {
-                values.iter_mut().enumerate().for_each(|(i, value)| *value += factor * (row + i));
+                values
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(i, value)| *value += factor * (row + i));
             };
             all.enter(|| {
                 all.both(
                     [&mut a, &mut b],
                     |threads, room| {
-                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| add(row, 1, values));
+                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| {
+                            add(row, 1, values)
+                        });
                         *first = threads.count();
                     },
                     |threads, room| {
-                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| add(row, 10, values));
+                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| {
+                            add(row, 10, values)
+                        });
                         *second = threads.count();
                     },
                 );

@@ -34,7 +34,10 @@ mod tests {
     fn equal_the_reference() {
         let x: Vec<f32> = (-80..80).map(|i| i as f32 / 4.0).collect();
         let s: Vec<f32> = x.iter().map(|v| sigmoid(*v)).collect();
-        let expected: Vec<_> = x.iter().map(|v| 1.0 / (1.0 + f64::from(-v).exp())).collect();
+        let expected: Vec<_> = x
+            .iter()
+            .map(|v| 1.0 / (1.0 + f64::from(-v).exp()))
+            .collect();
         assert_close(&s, &expected, 1e-6, "sigmoid");
         let mut e = x.clone();
         scaled_exp(&mut e, 8.0);

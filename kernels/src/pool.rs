@@ -14,7 +14,10 @@ pub fn out_size(size: Size) -> Size {
         let out = (n - 3).div_ceil(2) + 1;
         if (out - 1) * 2 >= n { out - 1 } else { out }
     };
-    Size { h: side(size.h), w: side(size.w) }
+    Size {
+        h: side(size.h),
+        w: side(size.w),
+    }
 }
 
 /// Some rows of one max-pool.
@@ -41,7 +44,13 @@ pub fn max_pool(
     assert_eq!(input.len(), size.area() * channels, "input of max_pool");
     assert_eq!(out.len(), out_size.area() * channels, "output of max_pool");
     threads.split_rows(out, out_size.w * channels, |first_row, out| {
-        isa.run(MaxPool { input, size, channels, first_row, out });
+        isa.run(MaxPool {
+            input,
+            size,
+            channels,
+            first_row,
+            out,
+        });
     });
     out_size
 }
@@ -61,7 +70,13 @@ pub fn max_pool_bytes(
     assert_eq!(input.len(), size.area() * channels, "input of max_pool");
     assert_eq!(out.len(), out_size.area() * channels, "output of max_pool");
     threads.split_rows(out, out_size.w * channels, |first_row, out| {
-        isa.run(MaxPoolBytes { input, size, channels, first_row, out });
+        isa.run(MaxPoolBytes {
+            input,
+            size,
+            channels,
+            first_row,
+            out,
+        });
     });
     out_size
 }
@@ -81,8 +96,17 @@ impl Kernel for MaxPoolBytes<'_> {
     /// Plain loops over the channels: compiled for the instruction set, they become its byte maxima.
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
-        let MaxPoolBytes { input, size, channels, first_row, out } = self;
-        for (y, row) in out.chunks_exact_mut(out_size(size).w * channels).enumerate() {
+        let MaxPoolBytes {
+            input,
+            size,
+            channels,
+            first_row,
+            out,
+        } = self;
+        for (y, row) in out
+            .chunks_exact_mut(out_size(size).w * channels)
+            .enumerate()
+        {
             let top = 2 * (first_row + y);
             for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
                 let left = 2 * x;
@@ -105,8 +129,17 @@ impl Kernel for MaxPool<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let MaxPool { input, size, channels, first_row, out } = self;
-        for (y, row) in out.chunks_exact_mut(out_size(size).w * channels).enumerate() {
+        let MaxPool {
+            input,
+            size,
+            channels,
+            first_row,
+            out,
+        } = self;
+        for (y, row) in out
+            .chunks_exact_mut(out_size(size).w * channels)
+            .enumerate()
+        {
             let top = 2 * (first_row + y);
             let bottom = (top + 3).min(size.h);
             for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
@@ -133,17 +166,29 @@ fn largest<S: Simd, const ROWS: usize, const COLUMNS: usize>(
     channels: usize,
     pixel: &mut [f32], // [channels]
 ) {
-    let rows: [&[f32]; ROWS] = std::array::from_fn(|i| &window[i * row_step..][..COLUMNS * channels]);
+    let rows: [&[f32]; ROWS] =
+        std::array::from_fn(|i| &window[i * row_step..][..COLUMNS * channels]);
     for (out, c) in pixel.chunks_mut(S::LANES).zip((0..).step_by(S::LANES)) {
         let whole = out.len() == S::LANES;
         let mut max = simd.splat(f32::NEG_INFINITY);
         for row in rows {
             for j in 0..COLUMNS {
                 let from = &row[j * channels + c..];
-                max = simd.max(if whole { simd.load(from) } else { simd.load_partial(from) }, max);
+                max = simd.max(
+                    if whole {
+                        simd.load(from)
+                    } else {
+                        simd.load_partial(from)
+                    },
+                    max,
+                );
             }
         }
-        if whole { simd.store(max, out) } else { simd.store_partial(max, out) }
+        if whole {
+            simd.store(max, out)
+        } else {
+            simd.store_partial(max, out)
+        }
     }
 }
 
@@ -164,7 +209,12 @@ mod tests {
                         let threads = Threads::new(count);
                         let mut out = vec![f32::NAN; expected.len()];
                         threads.enter(|| max_pool(isa, &threads, &input, size, channels, &mut out));
-                        assert_close(&out, &expected, 0.0, &format!("{channels} channels, {size:?}, {isa}"));
+                        assert_close(
+                            &out,
+                            &expected,
+                            0.0,
+                            &format!("{channels} channels, {size:?}, {isa}"),
+                        );
                     }
                 }
             }
@@ -175,14 +225,19 @@ mod tests {
     fn bytes_give_what_floats_give() {
         for (channels, h, w) in [(1, 3, 3), (5, 4, 6), (48, 9, 10), (130, 5, 7)] {
             let size = Size { h, w };
-            let bytes: Vec<u8> =
-                noise(size.area() * channels, 5).iter().map(|v| (v * 127.0 + 128.0) as u8).collect();
+            let bytes: Vec<u8> = noise(size.area() * channels, 5)
+                .iter()
+                .map(|v| (v * 127.0 + 128.0) as u8)
+                .collect();
             let floats: Vec<f32> = bytes.iter().map(|b| f32::from(*b)).collect();
             let expected = crate::reference::max_pool(size, channels, &floats);
             for isa in Isa::available() {
                 let mut out = vec![9; expected.len()];
                 max_pool_bytes(isa, &Threads::new(1), &bytes, size, channels, &mut out);
-                assert!(out.iter().zip(&expected).all(|(o, e)| f64::from(*o) == *e), "{isa}");
+                assert!(
+                    out.iter().zip(&expected).all(|(o, e)| f64::from(*o) == *e),
+                    "{isa}"
+                );
             }
         }
     }

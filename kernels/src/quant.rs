@@ -26,19 +26,28 @@ impl Hash for Quantization {
 
 impl Quantization {
     /// Whole numbers from 0 to 255, such as pixels, as they are.
-    pub const PIXELS: Quantization = Quantization { scale: 1.0, zero_point: 0 };
+    pub const PIXELS: Quantization = Quantization {
+        scale: 1.0,
+        zero_point: 0,
+    };
 
     /// The finest that holds both ends and 0.
     pub fn of_range(low: f32, high: f32) -> Quantization {
         let (low, high) = (low.min(0.0), high.max(0.0));
         let scale = ((high - low) / 255.0).max(f32::MIN_POSITIVE);
-        Quantization { scale, zero_point: (-low / scale).round() as u8 }
+        Quantization {
+            scale,
+            zero_point: (-low / scale).round() as u8,
+        }
     }
 
     /// Quantizes a vector into `out`, or as much of it as there is room for.
     #[inline(always)]
     pub(crate) fn store<S: Simd>(self, simd: S, x: S::F32, out: &mut [u8]) {
-        let (factor, zero) = (simd.splat(1.0 / self.scale), simd.splat(f32::from(self.zero_point)));
+        let (factor, zero) = (
+            simd.splat(1.0 / self.scale),
+            simd.splat(f32::from(self.zero_point)),
+        );
         let q = simd.mul_add(x, factor, zero);
         if out.len() >= S::LANES {
             simd.store_bytes(q, out);
@@ -87,14 +96,29 @@ pub fn quantize(
     rows: Rows,
     out: &mut [u8],
 ) {
-    let Rows { row_len, out_row_len, offset } = rows;
+    let Rows {
+        row_len,
+        out_row_len,
+        offset,
+    } = rows;
     assert!(row_len > 0 && offset + row_len <= out_row_len, "{rows:?}");
     let count = values.len() / row_len;
     assert_eq!(values.len(), count * row_len, "values of quantize");
-    threads.split_rows(&mut out[..count * out_row_len], out_row_len, |first, out| {
-        let values = &values[first * row_len..][..out.len() / out_row_len * row_len];
-        isa.run(Quantize { values, row_len, quantization, out, out_row_len, offset });
-    });
+    threads.split_rows(
+        &mut out[..count * out_row_len],
+        out_row_len,
+        |first, out| {
+            let values = &values[first * row_len..][..out.len() / out_row_len * row_len];
+            isa.run(Quantize {
+                values,
+                row_len,
+                quantization,
+                out,
+                out_row_len,
+                offset,
+            });
+        },
+    );
 }
 
 impl Kernel for Quantize<'_> {
@@ -102,11 +126,25 @@ impl Kernel for Quantize<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Quantize { values, row_len, quantization, out, out_row_len, offset } = self;
-        for (from, to) in values.chunks_exact(row_len).zip(out.chunks_exact_mut(out_row_len)) {
+        let Quantize {
+            values,
+            row_len,
+            quantization,
+            out,
+            out_row_len,
+            offset,
+        } = self;
+        for (from, to) in values
+            .chunks_exact(row_len)
+            .zip(out.chunks_exact_mut(out_row_len))
+        {
             let to = &mut to[offset..][..row_len];
             for (x, q) in from.chunks(S::LANES).zip(to.chunks_mut(S::LANES)) {
-                let x = if x.len() == S::LANES { simd.load(x) } else { simd.load_partial(x) };
+                let x = if x.len() == S::LANES {
+                    simd.load(x)
+                } else {
+                    simd.load_partial(x)
+                };
                 quantization.store(simd, x, q);
             }
         }
@@ -120,24 +158,37 @@ mod tests {
 
     #[test]
     fn equals_the_reference() {
-        let quantization = Quantization { scale: 0.007, zero_point: 100 };
+        let quantization = Quantization {
+            scale: 0.007,
+            zero_point: 100,
+        };
         for isa in Isa::available() {
             for row_len in [1, 3, 4, 15, 16, 33, 64] {
                 let values: Vec<f32> = noise(5 * row_len, 3).iter().map(|v| 2.0 * v).collect();
-                let rows = Rows { row_len, out_row_len: row_len + 7, offset: 3 };
+                let rows = Rows {
+                    row_len,
+                    out_row_len: row_len + 7,
+                    offset: 3,
+                };
                 for count in [1, 2] {
                     let mut out = vec![9; 5 * rows.out_row_len];
                     let threads = Threads::new(count);
-                    threads.enter(|| quantize(isa, &threads, &values, quantization, rows, &mut out));
+                    threads
+                        .enter(|| quantize(isa, &threads, &values, quantization, rows, &mut out));
                     let expected = crate::reference::quantize(quantization, &values);
-                    for (row, (out, expected)) in
-                        out.chunks(rows.out_row_len).zip(expected.chunks(row_len)).enumerate()
+                    for (row, (out, expected)) in out
+                        .chunks(rows.out_row_len)
+                        .zip(expected.chunks(row_len))
+                        .enumerate()
                     {
                         assert_eq!(out[..3], [9; 3], "before row {row}");
                         assert_eq!(out[3 + row_len..], [9; 4], "behind row {row}");
                         for (found, expected) in out[3..].iter().zip(expected) {
                             // Multiplying by the inverse may fall on the other side of a tie.
-                            assert!((f64::from(*found) - expected).abs() <= 0.501, "{found}, {expected}");
+                            assert!(
+                                (f64::from(*found) - expected).abs() <= 0.501,
+                                "{found}, {expected}"
+                            );
                         }
                     }
                 }
@@ -147,10 +198,19 @@ mod tests {
 
     #[test]
     fn ranges_hold_their_ends_and_zero() {
-        for (low, high) in [(-1.0, 3.0), (0.0, 7.0), (2.0, 7.0), (-5.0, -1.0), (0.0, 0.0)] {
+        for (low, high) in [
+            (-1.0, 3.0),
+            (0.0, 7.0),
+            (2.0, 7.0),
+            (-5.0, -1.0),
+            (0.0, 0.0),
+        ] {
             let q = Quantization::of_range(low, high);
             assert_eq!(q.value(q.zero_point), 0.0);
-            assert!(q.value(0) <= low + q.scale && q.value(255) >= high - q.scale, "{q:?}");
+            assert!(
+                q.value(0) <= low + q.scale && q.value(255) >= high - q.scale,
+                "{q:?}"
+            );
         }
     }
 
@@ -159,9 +219,23 @@ mod tests {
         let values: Vec<f32> = (0..=255).map(|v| v as f32).collect();
         for isa in Isa::available() {
             let mut out = vec![0; 256];
-            let rows = Rows { row_len: 256, out_row_len: 256, offset: 0 };
-            quantize(isa, &Threads::new(1), &values, Quantization::PIXELS, rows, &mut out);
-            assert!(out.iter().enumerate().all(|(i, q)| usize::from(*q) == i), "{isa}");
+            let rows = Rows {
+                row_len: 256,
+                out_row_len: 256,
+                offset: 0,
+            };
+            quantize(
+                isa,
+                &Threads::new(1),
+                &values,
+                Quantization::PIXELS,
+                rows,
+                &mut out,
+            );
+            assert!(
+                out.iter().enumerate().all(|(i, q)| usize::from(*q) == i),
+                "{isa}"
+            );
         }
     }
 }

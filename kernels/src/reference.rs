@@ -9,14 +9,22 @@ pub fn gemm(m: usize, n: usize, k: usize, a: &[f32], b: &[f32]) -> Vec<f64> {
     let mut c = vec![0.0; m * n];
     for i in 0..m {
         for j in 0..n {
-            c[i * n + j] = (0..k).map(|l| f64::from(a[i * k + l]) * f64::from(b[l * n + j])).sum();
+            c[i * n + j] = (0..k)
+                .map(|l| f64::from(a[i * k + l]) * f64::from(b[l * n + j]))
+                .sum();
         }
     }
     c
 }
 
 /// Convolution: input `[H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]` -> `[H', W', Cout]`.
-pub fn conv(shape: &ConvShape, size: Size, input: &[f32], weights: &[f32], bias: &[f32]) -> Vec<f64> {
+pub fn conv(
+    shape: &ConvShape,
+    size: Size,
+    input: &[f32],
+    weights: &[f32],
+    bias: &[f32],
+) -> Vec<f64> {
     let out = shape.out_size(size);
     let (k, cin) = (shape.kernel, shape.in_channels);
     let mut y = Vec::with_capacity(out.area() * shape.out_channels);
@@ -27,7 +35,8 @@ pub fn conv(shape: &ConvShape, size: Size, input: &[f32], weights: &[f32], bias:
                 for ky in 0..k {
                     for kx in 0..k {
                         let (iy, ix) = (oy * shape.stride + ky, ox * shape.stride + kx);
-                        let (Some(iy), Some(ix)) = (iy.checked_sub(shape.pad), ix.checked_sub(shape.pad))
+                        let (Some(iy), Some(ix)) =
+                            (iy.checked_sub(shape.pad), ix.checked_sub(shape.pad))
                         else {
                             continue;
                         };
@@ -52,7 +61,10 @@ pub fn conv(shape: &ConvShape, size: Size, input: &[f32], weights: &[f32], bias:
 pub fn quantize(quantization: Quantization, values: &[f32]) -> Vec<f64> {
     let scale = f64::from(quantization.scale);
     let zero = f64::from(quantization.zero_point);
-    values.iter().map(|v| (f64::from(*v) / scale + zero).clamp(0.0, 255.0)).collect()
+    values
+        .iter()
+        .map(|v| (f64::from(*v) / scale + zero).clamp(0.0, 255.0))
+        .collect()
 }
 
 /// 3x3 maximum, stride 2, ceil mode: `[H, W, C] -> [H', W', C]`.
@@ -77,7 +89,10 @@ pub fn max_pool(size: Size, channels: usize, input: &[f32]) -> Vec<f64> {
 
 /// Depthwise cross-correlation: `[H, W, C]` with `[h, w, C] -> [H-h+1, W-w+1, C]`.
 pub fn xcorr(size: Size, kernel: Size, channels: usize, x: &[f32], z: &[f32]) -> Vec<f64> {
-    let out = Size { h: size.h - kernel.h + 1, w: size.w - kernel.w + 1 };
+    let out = Size {
+        h: size.h - kernel.h + 1,
+        w: size.w - kernel.w + 1,
+    };
     let mut y = Vec::with_capacity(out.area() * channels);
     for oy in 0..out.h {
         for ox in 0..out.w {
@@ -99,7 +114,10 @@ pub fn xcorr(size: Size, kernel: Size, channels: usize, x: &[f32], z: &[f32]) ->
 /// One filter over all channels: `[H, W, C]` with `[h, w, C] -> [H-h+1, W-w+1]`.
 pub fn filter(size: Size, filter: Size, channels: usize, x: &[f32], f: &[f32]) -> Vec<f64> {
     let depthwise = xcorr(size, filter, channels, x, f);
-    depthwise.chunks_exact(channels).map(|cell| cell.iter().sum()).collect()
+    depthwise
+        .chunks_exact(channels)
+        .map(|cell| cell.iter().sum())
+        .collect()
 }
 
 /// The adjoint of [`filter`]: `[H, W, C]` with `[H-h+1, W-w+1] -> [h, w, C]`.
@@ -117,7 +135,13 @@ pub fn filter_adjoint(size: Size, filter: Size, channels: usize, x: &[f32], r: &
 }
 
 /// One bilinear sample of channel `offset` at (`x`, `y`), outside pixels being `border`; not rounded.
-pub fn sample(image: &crate::resample::Pixels<'_>, offset: usize, x: f64, y: f64, border: u8) -> f64 {
+pub fn sample(
+    image: &crate::resample::Pixels<'_>,
+    offset: usize,
+    x: f64,
+    y: f64,
+    border: u8,
+) -> f64 {
     let tap = |x: f64, y: f64| {
         let inside = x >= 0.0 && y >= 0.0 && x < image.size.w as f64 && y < image.size.h as f64;
         let at = || y as usize * image.stride + x as usize * image.bytes_per_pixel + offset;

@@ -48,12 +48,16 @@ pub struct Tap {
 impl Tap {
     fn new(x: f64) -> Tap {
         let floor = x.floor();
-        Tap { first: floor as i32, share: (x - floor) as f32 }
+        Tap {
+            first: floor as i32,
+            share: (x - floor) as f32,
+        }
     }
 
     /// The two pixels' indices, where they lie within `0..n`.
     fn indices(&self, n: usize) -> [Option<usize>; 2] {
-        [self.first, self.first.saturating_add(1)].map(|i| usize::try_from(i).ok().filter(|i| *i < n))
+        [self.first, self.first.saturating_add(1)]
+            .map(|i| usize::try_from(i).ok().filter(|i| *i < n))
     }
 }
 
@@ -78,8 +82,16 @@ pub fn resample(
 ) {
     let Size { h, w } = image.size;
     assert_eq!(out.len(), grid.side * grid.side * 3, "output of resample");
-    assert!(image.offsets.iter().all(|o| *o < image.bytes_per_pixel.min(4)), "channels of a pixel");
-    assert!(h > 0 && w > 0 && image.data.len() >= (h - 1) * image.stride + w * image.bytes_per_pixel);
+    assert!(
+        image
+            .offsets
+            .iter()
+            .all(|o| *o < image.bytes_per_pixel.min(4)),
+        "channels of a pixel"
+    );
+    assert!(
+        h > 0 && w > 0 && image.data.len() >= (h - 1) * image.stride + w * image.bytes_per_pixel
+    );
     let Scratch { columns, blended } = scratch;
     columns.clear();
     columns.extend((0..grid.side).map(|i| Tap::new(grid.x0 + grid.step * i as f64)));
@@ -88,7 +100,16 @@ pub fn resample(
     let columns = &columns[..];
     let inner = inner_columns(columns, w);
     threads.split_rows_with(out, grid.side * 3, 1, blended, |first_row, out, blended| {
-        isa.run(Rows { image, border, grid, columns, inner: inner.clone(), first_row, blended, out });
+        isa.run(Rows {
+            image,
+            border,
+            grid,
+            columns,
+            inner: inner.clone(),
+            first_row,
+            blended,
+            out,
+        });
     });
 }
 
@@ -115,7 +136,16 @@ impl Kernel for Rows<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Rows { image, border, grid, columns, inner, first_row, blended, out } = self;
+        let Rows {
+            image,
+            border,
+            grid,
+            columns,
+            inner,
+            first_row,
+            blended,
+            out,
+        } = self;
         let Size { h, w } = image.size;
         let row = |y: usize| &image.data[y * image.stride..][..w * image.bytes_per_pixel];
         let read = match &columns[inner.clone()] {
@@ -136,7 +166,12 @@ impl Kernel for Rows<'_> {
             }
             let tap = tap(j);
             let rows = tap.indices(h).map(|y| y.map(row));
-            let line = Line { image, border, rows, share: tap.share };
+            let line = Line {
+                image,
+                border,
+                rows,
+                share: tap.share,
+            };
             let (left, rest) = out.split_at_mut(inner.start * 3);
             let (middle, right) = rest.split_at_mut(inner.len() * 3);
             line.border(&columns[..inner.start], left);
@@ -169,20 +204,38 @@ struct Line<'a> {
 impl Line<'_> {
     /// Columns that lie inside `top` and `bottom`.
     #[inline(always)]
-    fn inner(&self, columns: &[Tap], top: &[u8], bottom: &[u8], blended: &mut [f32], out: &mut [u8]) {
+    fn inner(
+        &self,
+        columns: &[Tap],
+        top: &[u8],
+        bottom: &[u8],
+        blended: &mut [f32],
+        out: &mut [u8],
+    ) {
         let (bpp, [o0, o1, o2]) = (self.image.bytes_per_pixel, self.image.offsets);
-        let ([first, ..], [.., last]) = (columns, columns) else { return };
+        let ([first, ..], [.., last]) = (columns, columns) else {
+            return;
+        };
         let origin = first.first as usize;
         let span = origin * bpp..(last.first as usize + 2) * bpp;
         let (sampled, blended) = blended.split_at_mut(4 * columns.len());
         let blended = &mut blended[..span.len() + SLACK];
-        for ((value, top), bottom) in blended.iter_mut().zip(&top[span.clone()]).zip(&bottom[span]) {
+        for ((value, top), bottom) in blended
+            .iter_mut()
+            .zip(&top[span.clone()])
+            .zip(&bottom[span])
+        {
             *value = blend(f32::from(*top), f32::from(*bottom), self.share);
         }
         for (tap, sampled) in columns.iter().zip(sampled.as_chunks_mut::<4>().0) {
             let pixels = &blended[(tap.first as usize - origin) * bpp..][..bpp + 4];
             let left = f32x4::new([pixels[0], pixels[1], pixels[2], pixels[3]]);
-            let right = f32x4::new([pixels[bpp], pixels[bpp + 1], pixels[bpp + 2], pixels[bpp + 3]]);
+            let right = f32x4::new([
+                pixels[bpp],
+                pixels[bpp + 1],
+                pixels[bpp + 2],
+                pixels[bpp + 3],
+            ]);
             *sampled = (left + (right - left) * tap.share + ROUND).to_array();
         }
         let rounded = bytemuck::cast_slice::<f32, u8>(sampled).as_chunks::<16>().0;
@@ -202,7 +255,13 @@ impl Line<'_> {
                     _ => border,
                 };
                 let [top, bottom] = self.rows;
-                let column = |x| blend(f32::from(read(top, x)), f32::from(read(bottom, x)), self.share);
+                let column = |x| {
+                    blend(
+                        f32::from(read(top, x)),
+                        f32::from(read(bottom, x)),
+                        self.share,
+                    )
+                };
                 *value = round(blend(column(left), column(right), tap.share));
             }
         }
@@ -238,7 +297,10 @@ mod tests {
     fn image(size: Size, bytes_per_pixel: usize, gap: usize) -> (Vec<u8>, usize) {
         let stride = size.w * bytes_per_pixel + gap;
         let data = crate::testing::noise(stride * size.h, 11);
-        (data.iter().map(|v| (v * 127.0 + 128.0) as u8).collect(), stride)
+        (
+            data.iter().map(|v| (v * 127.0 + 128.0) as u8).collect(),
+            stride,
+        )
     }
 
     #[test]
@@ -253,25 +315,67 @@ mod tests {
         ] {
             let size = Size { h, w };
             let (data, stride) = image(size, bytes_per_pixel, gap);
-            let image = Pixels { data: &data, size, stride, bytes_per_pixel, offsets };
+            let image = Pixels {
+                data: &data,
+                size,
+                stride,
+                bytes_per_pixel,
+                offsets,
+            };
             for grid in [
-                Grid { x0: 2.25, y0: 1.5, step: 0.31, side: 17 },
-                Grid { x0: -7.3, y0: -4.9, step: 1.9, side: 23 },
-                Grid { x0: -100.0, y0: 3.0, step: 1.0, side: 9 },
-                Grid { x0: 4.0, y0: 500.0, step: 2.5, side: 9 },
-                Grid { x0: -1.0, y0: -1.0, step: 1.0, side: 12 },
-                Grid { x0: -1e12, y0: 1e12, step: 1e9, side: 5 },
+                Grid {
+                    x0: 2.25,
+                    y0: 1.5,
+                    step: 0.31,
+                    side: 17,
+                },
+                Grid {
+                    x0: -7.3,
+                    y0: -4.9,
+                    step: 1.9,
+                    side: 23,
+                },
+                Grid {
+                    x0: -100.0,
+                    y0: 3.0,
+                    step: 1.0,
+                    side: 9,
+                },
+                Grid {
+                    x0: 4.0,
+                    y0: 500.0,
+                    step: 2.5,
+                    side: 9,
+                },
+                Grid {
+                    x0: -1.0,
+                    y0: -1.0,
+                    step: 1.0,
+                    side: 12,
+                },
+                Grid {
+                    x0: -1e12,
+                    y0: 1e12,
+                    step: 1e9,
+                    side: 5,
+                },
             ] {
-                for (isa, count) in Isa::available().into_iter().flat_map(|isa| [(isa, 1), (isa, 3)]) {
+                for (isa, count) in Isa::available()
+                    .into_iter()
+                    .flat_map(|isa| [(isa, 1), (isa, 3)])
+                {
                     let threads = Threads::new(count);
                     let mut out = vec![0; grid.side * grid.side * 3];
                     let mut scratch = Scratch::default();
-                    threads.enter(|| resample(isa, &threads, &image, border, &grid, &mut scratch, &mut out));
+                    threads.enter(|| {
+                        resample(isa, &threads, &image, border, &grid, &mut scratch, &mut out)
+                    });
                     for (i, value) in out.iter().enumerate() {
                         let (pixel, channel) = (i / 3, i % 3);
                         let x = grid.x0 + grid.step * (pixel % grid.side) as f64;
                         let y = grid.y0 + grid.step * (pixel / grid.side) as f64;
-                        let expected = reference::sample(&image, offsets[channel], x, y, border[channel]);
+                        let expected =
+                            reference::sample(&image, offsets[channel], x, y, border[channel]);
                         let error = (f64::from(*value) - expected).abs();
                         assert!(
                             error < 0.501,
@@ -285,7 +389,10 @@ mod tests {
 
     #[test]
     fn rounds_to_even_and_keeps_constants() {
-        assert_eq!([0.5, 1.5, 2.5, 254.5, 255.0].map(round), [0, 2, 2, 254, 255]);
+        assert_eq!(
+            [0.5, 1.5, 2.5, 254.5, 255.0].map(round),
+            [0, 2, 2, 254, 255]
+        );
         for v in [0.0, 1.0, 127.0, 254.0, 255.0] {
             assert_eq!(blend(v, v, 0.3), v);
         }

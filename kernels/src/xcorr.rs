@@ -33,13 +33,35 @@ pub fn xcorr(
     channels: usize,
     out: &mut [f32],
 ) -> Size {
-    assert!(template_size.h <= size.h && template_size.w <= size.w, "template {template_size:?} in {size:?}");
-    let out_size = Size { h: size.h - template_size.h + 1, w: size.w - template_size.w + 1 };
-    assert_eq!(search.len(), size.area() * channels, "search features of xcorr");
-    assert_eq!(template.len(), template_size.area() * channels, "template features of xcorr");
+    assert!(
+        template_size.h <= size.h && template_size.w <= size.w,
+        "template {template_size:?} in {size:?}"
+    );
+    let out_size = Size {
+        h: size.h - template_size.h + 1,
+        w: size.w - template_size.w + 1,
+    };
+    assert_eq!(
+        search.len(),
+        size.area() * channels,
+        "search features of xcorr"
+    );
+    assert_eq!(
+        template.len(),
+        template_size.area() * channels,
+        "template features of xcorr"
+    );
     assert_eq!(out.len(), out_size.area() * channels, "response of xcorr");
     threads.split_rows(out, out_size.w * channels, |first_row, out| {
-        isa.run(Correlate { search, size, template, template_size, channels, first_row, out });
+        isa.run(Correlate {
+            search,
+            size,
+            template,
+            template_size,
+            channels,
+            first_row,
+            out,
+        });
     });
     out_size
 }
@@ -52,7 +74,11 @@ impl Kernel for Correlate<'_> {
         let width = self.size.w - self.template_size.w + 1;
         for y in 0..self.out.len() / (width * self.channels) {
             // The last pixels reach back where they would reach beyond.
-            let groups = |pixels: usize| (0..width).step_by(pixels).map(move |x| x.min(width - pixels));
+            let groups = |pixels: usize| {
+                (0..width)
+                    .step_by(pixels)
+                    .map(move |x| x.min(width - pixels))
+            };
             match width {
                 8.. => groups(8).for_each(|x| self.pixels::<S, 8>(simd, y, x)),
                 4.. => groups(4).for_each(|x| self.pixels::<S, 4>(simd, y, x)),
@@ -85,9 +111,22 @@ impl Correlate<'_> {
         x: usize,
         channel: usize,
     ) {
-        let Correlate { search, size, template, template_size, channels, .. } = *self;
+        let Correlate {
+            search,
+            size,
+            template,
+            template_size,
+            channels,
+            ..
+        } = *self;
         let lanes = if WHOLE { S::LANES } else { channels - channel };
-        let load = |from: &[f32]| if WHOLE { simd.load(from) } else { simd.load_partial(&from[..lanes]) };
+        let load = |from: &[f32]| {
+            if WHOLE {
+                simd.load(from)
+            } else {
+                simd.load_partial(&from[..lanes])
+            }
+        };
         let mut sums = [simd.zero(); PIXELS];
         for u in 0..template_size.h {
             let row = &search[((self.first_row + y + u) * size.w + x) * channels + channel..];
@@ -106,7 +145,11 @@ impl Correlate<'_> {
         let out = &mut self.out[(y * width + x) * channels + channel..];
         for (i, sum) in sums.into_iter().enumerate() {
             let out = &mut out[i * channels..][..lanes];
-            if WHOLE { simd.store(sum, out) } else { simd.store_partial(sum, out) }
+            if WHOLE {
+                simd.store(sum, out)
+            } else {
+                simd.store_partial(sum, out)
+            }
         }
     }
 }
@@ -150,9 +193,24 @@ mod tests {
                     for count in [1, 2] {
                         let threads = Threads::new(count);
                         let mut out = vec![f32::NAN; expected.len()];
-                        threads
-                            .enter(|| xcorr(isa, &threads, &x, size, &z, template_size, channels, &mut out));
-                        assert_close(&out, &expected, 1e-5, &format!("{channels} channels, {size:?}, {isa}"));
+                        threads.enter(|| {
+                            xcorr(
+                                isa,
+                                &threads,
+                                &x,
+                                size,
+                                &z,
+                                template_size,
+                                channels,
+                                &mut out,
+                            )
+                        });
+                        assert_close(
+                            &out,
+                            &expected,
+                            1e-5,
+                            &format!("{channels} channels, {size:?}, {isa}"),
+                        );
                     }
                 }
             }

@@ -49,7 +49,12 @@ impl Default for Motion {
 impl Motion {
     /// A mere shift, in pixels.
     pub fn shift(x: f64, y: f64) -> Motion {
-        Motion { a: 0.0, b: 0.0, x, y }
+        Motion {
+            a: 0.0,
+            b: 0.0,
+            x,
+            y,
+        }
     }
 
     /// Where a position of the earlier frame lies in the later one.
@@ -67,7 +72,11 @@ impl Motion {
     /// follows does not (on rendered flights the two come apart by a factor of two in a hundred frames).
     pub(crate) fn carry(&self, bbox: &CenterBox) -> CenterBox {
         let (cx, cy) = self.apply(bbox.cx.into(), bbox.cy.into());
-        CenterBox { cx: cx as f32, cy: cy as f32, ..*bbox }
+        CenterBox {
+            cx: cx as f32,
+            cy: cy as f32,
+            ..*bbox
+        }
     }
 }
 
@@ -99,7 +108,8 @@ impl Thumbnail {
                         sum += u32::from(pixel[b]) + 2 * u32::from(pixel[g]) + u32::from(pixel[r]);
                     }
                 }
-                self.values.push(sum as f32 / (4 * samples * samples) as f32);
+                self.values
+                    .push(sum as f32 / (4 * samples * samples) as f32);
             }
         }
         self.normalize();
@@ -108,7 +118,12 @@ impl Thumbnail {
     fn normalize(&mut self) {
         let count = self.values.len().max(1) as f32;
         let mean = self.values.iter().sum::<f32>() / count;
-        let variance = self.values.iter().map(|v| (v - mean) * (v - mean)).sum::<f32>() / count;
+        let variance = self
+            .values
+            .iter()
+            .map(|v| (v - mean) * (v - mean))
+            .sum::<f32>()
+            / count;
         let gain = CONTRAST / variance.sqrt().max(LEAST_CONTRAST);
         self.values.iter_mut().for_each(|v| *v = gain * (*v - mean));
     }
@@ -127,9 +142,18 @@ impl Thumbnail {
             return None;
         }
         let (u, v) = (x - i as f64, y - j as f64);
-        let [a, b, c, d] = [self.at(i, j), self.at(i + 1, j), self.at(i, j + 1), self.at(i + 1, j + 1)];
+        let [a, b, c, d] = [
+            self.at(i, j),
+            self.at(i + 1, j),
+            self.at(i, j + 1),
+            self.at(i + 1, j + 1),
+        ];
         let (top, low) = (a + (b - a) * u, c + (d - c) * u);
-        Some((top + (low - top) * v, (b - a) * (1.0 - v) + (d - c) * v, low - top))
+        Some((
+            top + (low - top) * v,
+            (b - a) * (1.0 - v) + (d - c) * v,
+            low - top,
+        ))
     }
 
     /// Half the resolution.
@@ -139,7 +163,10 @@ impl Thumbnail {
         for row in 0..into.rows {
             for column in 0..into.columns {
                 let four = [(0, 0), (1, 0), (0, 1), (1, 1)];
-                let sum: f64 = four.iter().map(|(i, j)| self.at(2 * column + i, 2 * row + j)).sum();
+                let sum: f64 = four
+                    .iter()
+                    .map(|(i, j)| self.at(2 * column + i, 2 * row + j))
+                    .sum();
                 into.values.push((sum / 4.0) as f32);
             }
         }
@@ -172,7 +199,9 @@ impl CameraMotion {
         std::mem::swap(&mut self.coarse_before, &mut self.coarse_now);
         self.now.take(frame);
         self.now.halve(&mut self.coarse_now);
-        let same = |a: &Thumbnail, b: &Thumbnail| (a.columns, a.rows, a.cell) == (b.columns, b.rows, b.cell);
+        let same = |a: &Thumbnail, b: &Thumbnail| {
+            (a.columns, a.rows, a.cell) == (b.columns, b.rows, b.cell)
+        };
         if !same(&self.before, &self.now) || self.now.columns < 8 || self.now.rows < 8 {
             self.last = Fit::default();
             return Motion::default();
@@ -182,9 +211,15 @@ impl CameraMotion {
         let steady = self.refine(self.last.motion, without);
         // As a rule both lead to the same motion.
         let alike = (x - last_x).abs().max((y - last_y).abs()) <= ALIKE;
-        let other = if alike && steady.is_some() { None } else { self.refine([0.0, 0.0, x, y], without) };
+        let other = if alike && steady.is_some() {
+            None
+        } else {
+            self.refine([0.0, 0.0, x, y], without)
+        };
         self.last = match (steady, other) {
-            (Some(steady), Some(other)) if other.difference >= SURPRISE * steady.difference => steady,
+            (Some(steady), Some(other)) if other.difference >= SURPRISE * steady.difference => {
+                steady
+            }
             (steady, other) => other.or(steady).unwrap_or_default(),
         };
         self.in_frame(self.last.motion)
@@ -224,7 +259,11 @@ impl CameraMotion {
             }
         }
         // Half the picture must overlap for a comparison to mean something.
-        if 2 * count < (columns * rows) as u32 { f64::MAX } else { sum / f64::from(count) }
+        if 2 * count < (columns * rows) as u32 {
+            f64::MAX
+        } else {
+            sum / f64::from(count)
+        }
     }
 
     /// Gauss-Newton from a motion in cells. `None` if it runs away.
@@ -232,7 +271,10 @@ impl CameraMotion {
         let (before, now) = (&self.before, &self.now);
         let (mx, my) = (before.columns as f64 / 2.0, before.rows as f64 / 2.0);
         let hole = Hole::new(without, before.cell);
-        let mut fit = Fit { motion: start, difference: 0.0 };
+        let mut fit = Fit {
+            motion: start,
+            difference: 0.0,
+        };
         for _ in 0..ITERATIONS {
             let [a, b, x, y] = fit.motion;
             let (mut normal, mut right) = ([[0.0; 4]; 4], [0.0; 4]);
@@ -244,9 +286,12 @@ impl CameraMotion {
                         continue;
                     }
                     let (px, py) = (u + a * u - b * v + x + mx, v + b * u + a * v + y + my);
-                    let Some((value, gx, gy)) = now.sample(px, py) else { continue };
+                    let Some((value, gx, gy)) = now.sample(px, py) else {
+                        continue;
+                    };
                     let difference = before.at(column, row) - value;
-                    let near = hole.nearness(column as f64, row as f64, NEAR * before.columns as f64);
+                    let near =
+                        hole.nearness(column as f64, row as f64, NEAR * before.columns as f64);
                     let weight = near * OUTLIER / difference.abs().max(OUTLIER);
                     sum += near * difference.abs().min(OUTLIER);
                     weights += near;
@@ -268,9 +313,16 @@ impl CameraMotion {
                 right[i] += pull * (self.last.motion[i] - fit.motion[i]).clamp(-1.0, 1.0);
             }
             let step = solve(normal, right)?;
-            fit.motion.iter_mut().zip(step).for_each(|(value, step)| *value += step);
+            fit.motion
+                .iter_mut()
+                .zip(step)
+                .for_each(|(value, step)| *value += step);
             let [a, b, x, y] = fit.motion;
-            if a.abs() > 0.2 || b.abs() > 0.2 || (x - start[2]).abs() > 6.0 || (y - start[3]).abs() > 6.0 {
+            if a.abs() > 0.2
+                || b.abs() > 0.2
+                || (x - start[2]).abs() > 6.0
+                || (y - start[3]).abs() > 6.0
+            {
                 return None;
             }
             if step[2].abs().max(step[3].abs()) < 1e-3 {
@@ -285,7 +337,12 @@ impl CameraMotion {
         let cell = self.now.cell as f64;
         let (mx, my) = (self.now.columns as f64 / 2.0, self.now.rows as f64 / 2.0);
         let (cx, cy) = ((mx + 0.5) * cell - 0.5, (my + 0.5) * cell - 0.5);
-        Motion { a, b, x: x * cell - a * cx + b * cy, y: y * cell - b * cx - a * cy }
+        Motion {
+            a,
+            b,
+            x: x * cell - a * cx + b * cy,
+            y: y * cell - b * cx - a * cy,
+        }
     }
 }
 
@@ -298,7 +355,12 @@ impl Hole {
             let cell = cell as f64;
             let (w, h) = (0.6 * f64::from(b.w), 0.6 * f64::from(b.h));
             let (cx, cy) = (f64::from(b.cx), f64::from(b.cy));
-            [(cx - w) / cell - 1.0, (cy - h) / cell - 1.0, (cx + w) / cell, (cy + h) / cell]
+            [
+                (cx - w) / cell - 1.0,
+                (cy - h) / cell - 1.0,
+                (cx + w) / cell,
+                (cy + h) / cell,
+            ]
         }))
     }
 
@@ -311,7 +373,8 @@ impl Hole {
     }
 
     fn contains(&self, column: f64, row: f64) -> bool {
-        self.0.is_some_and(|[x0, y0, x1, y1]| column >= x0 && column <= x1 && row >= y0 && row <= y1)
+        self.0
+            .is_some_and(|[x0, y0, x1, y1]| column >= x0 && column <= x1 && row >= y0 && row <= y1)
     }
 }
 
@@ -359,8 +422,9 @@ mod tests {
                     ((1.0 + motion.a) * u + motion.b * v) / det,
                     ((1.0 + motion.a) * v - motion.b * u) / det,
                 );
-                let wave =
-                    (0.071 * u).sin() + (0.093 * v + 1.0).sin() + (0.05 * (u + v)).cos() * (0.031 * u).sin();
+                let wave = (0.071 * u).sin()
+                    + (0.093 * v + 1.0).sin()
+                    + (0.05 * (u + v)).cos() * (0.031 * u).sin();
                 out.push((128.0 + 35.0 * wave) as u8);
             }
         }
@@ -381,20 +445,31 @@ mod tests {
             Motion::default(),
             Motion::shift(3.0, -2.0),
             Motion::shift(-31.0, 14.5),
-            Motion { a: 0.02, b: -0.015, x: 5.0, y: 3.0 },
+            Motion {
+                a: 0.02,
+                b: -0.015,
+                x: 5.0,
+                y: 3.0,
+            },
         ] {
             let motion = found(&truth);
             for (x, y) in [(40.0, 30.0), (160.0, 90.0), (280.0, 150.0)] {
                 let ((ax, ay), (bx, by)) = (truth.apply(x, y), motion.apply(x, y));
-                assert!((ax - bx).hypot(ay - by) < 0.6, "{truth:?} found as {motion:?}");
+                assert!(
+                    (ax - bx).hypot(ay - by) < 0.6,
+                    "{truth:?} found as {motion:?}"
+                );
             }
         }
     }
 
     /// A bridge that looks the same all along, as seen after a shift.
     fn bridge((dx, dy): (f64, f64)) -> Vec<u8> {
-        let across = |i: usize| (((i / WIDTH) as f64 - dy) + 0.25 * ((i % WIDTH) as f64 - dx) - 110.0).abs();
-        (0..WIDTH * HEIGHT).map(|i| if across(i) < 35.0 { 190 } else { 90 }).collect()
+        let across =
+            |i: usize| (((i / WIDTH) as f64 - dy) + 0.25 * ((i % WIDTH) as f64 - dx) - 110.0).abs();
+        (0..WIDTH * HEIGHT)
+            .map(|i| if across(i) < 35.0 { 190 } else { 90 })
+            .collect()
     }
 
     #[test]
@@ -405,9 +480,13 @@ mod tests {
             // view of it that fits best is 60 pixels off.
             let (n, fog) = (f64::from(i), (f64::from(i) / 40.0).min(1.0));
             let (ground, bridge) = (picture(&Motion::shift(2.0 * n, n)), bridge((2.0 * n, n)));
-            let mix = |(g, b): (&u8, &u8)| (f64::from(*g) * (1.0 - fog) + f64::from(*b) * fog) as u8;
+            let mix =
+                |(g, b): (&u8, &u8)| (f64::from(*g) * (1.0 - fog) + f64::from(*b) * fog) as u8;
             let data: Vec<u8> = ground.iter().zip(&bridge).map(mix).collect();
-            let motion = camera.observe(&Frame::new(&data, WIDTH, HEIGHT, ChannelOrder::Gray).unwrap(), None);
+            let motion = camera.observe(
+                &Frame::new(&data, WIDTH, HEIGHT, ChannelOrder::Gray).unwrap(),
+                None,
+            );
             let (x, y) = motion.apply(160.0, 90.0);
             let slip = (x - 162.0).hypot(y - 91.0);
             assert!(i == 0 || slip < 5.0, "frame {i}: {motion:?}");
@@ -419,14 +498,20 @@ mod tests {
         let mut camera = CameraMotion::default();
         for (w, h) in [(1, 1), (7, 300), (640, 2), (33, 33), (33, 33)] {
             let data = vec![77u8; w * h];
-            let motion = camera.observe(&Frame::new(&data, w, h, ChannelOrder::Gray).unwrap(), None);
+            let motion =
+                camera.observe(&Frame::new(&data, w, h, ChannelOrder::Gray).unwrap(), None);
             assert_eq!(motion, Motion::default(), "{w}x{h}");
         }
     }
 
     #[test]
     fn four_equations() {
-        let m = [[0.0, 2.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0], [0.0, 1.0, 0.0, 4.0]];
+        let m = [
+            [0.0, 2.0, 0.0, 1.0],
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 3.0, 0.0],
+            [0.0, 1.0, 0.0, 4.0],
+        ];
         let x = solve(m, [8.0, 5.0, 9.0, 18.0]).unwrap();
         for (found, expected) in x.into_iter().zip([5.0, 2.0, 3.0, 4.0]) {
             assert!((found - expected).abs() < 1e-12);

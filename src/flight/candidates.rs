@@ -51,19 +51,36 @@ pub(crate) fn find(
     });
     while found.len() < MAX_CANDIDATES {
         let mut best: Option<Peak> = None;
-        for (cell, (&score, ltrb)) in outputs.score.iter().zip(outputs.ltrb.chunks_exact(4)).enumerate() {
+        for (cell, (&score, ltrb)) in outputs
+            .score
+            .iter()
+            .zip(outputs.ltrb.chunks_exact(4))
+            .enumerate()
+        {
             let score = f64::from(score);
             if !score.is_finite() || best.is_some_and(|b| b.score >= score) {
                 continue;
             }
             let bbox = selector.decode(cell / n, cell % n, ltrb);
             let corner = bbox.corner();
-            if corner.is_finite() && found.iter().all(|f| f.bbox.corner().iou(&corner) < SAME_OBJECT) {
-                best = Some(Peak { cell, bbox, score, response: 0.0 });
+            if corner.is_finite()
+                && found
+                    .iter()
+                    .all(|f| f.bbox.corner().iou(&corner) < SAME_OBJECT)
+            {
+                best = Some(Peak {
+                    cell,
+                    bbox,
+                    score,
+                    response: 0.0,
+                });
             }
         }
         let Some(best) = best else { break };
-        found.push(Peak { response: selector.response_at(&best.bbox, response), ..best });
+        found.push(Peak {
+            response: selector.response_at(&best.bbox, response),
+            ..best
+        });
     }
 }
 
@@ -76,16 +93,27 @@ mod tests {
     #[test]
     fn one_candidate_per_object() {
         let selector = Selector::new(&Architecture::new(Widths::FULL, None));
-        let mut outputs = Outputs { score: vec![0.1; 289], ltrb: [12.0; 4].repeat(289) };
+        let mut outputs = Outputs {
+            score: vec![0.1; 289],
+            ltrb: [12.0; 4].repeat(289),
+        };
         for (index, score) in [(0, 0.7), (1, 0.65), (144, 0.9), (280, 0.5)] {
             outputs.score[index] = score; // 0 and 1 are neighbors: one object
         }
-        let config = TrackConfig { window_influence: 0.0, ..TrackConfig::default() };
+        let config = TrackConfig {
+            window_influence: 0.0,
+            ..TrackConfig::default()
+        };
         let choice = selector.choose(&outputs, &[], [25.0; 2], &config).unwrap();
         let mut found = Vec::new();
         find(&outputs, &selector, &[], &choice, &mut found);
         let scores: Vec<f64> = found.iter().map(|c| c.score).collect();
-        assert!(scores.iter().zip([0.9, 0.7, 0.5]).all(|(score, expected)| (score - expected).abs() < 1e-6));
+        assert!(
+            scores
+                .iter()
+                .zip([0.9, 0.7, 0.5])
+                .all(|(score, expected)| (score - expected).abs() < 1e-6)
+        );
         assert_eq!(found.len(), MAX_CANDIDATES);
         outputs.score = vec![f32::NAN; 289];
         find(&outputs, &selector, &[], &choice, &mut found);

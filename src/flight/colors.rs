@@ -79,7 +79,8 @@ impl Colors {
         self.here.resize(COLORS, 0.0);
         count(frame, inner(bbox), TARGET_SAMPLES, 1.0, &mut self.here);
         let both = self.target.iter().zip(&self.here);
-        both.map(|(target, here)| f64::from((target * here).sqrt())).sum()
+        both.map(|(target, here)| f64::from((target * here).sqrt()))
+            .sum()
     }
 
     /// The center of the place of a box's size that has the target's colors most, among those that are `allowed`; `None` before
@@ -95,7 +96,10 @@ impl Colors {
         }
         let (width, height) = (frame.width(), frame.height());
         let least = (width as f64 * height as f64 / MOST_CELLS).sqrt();
-        let step = (f64::from(size.w * size.h).sqrt() / CELLS).max(least).ceil().max(1.0) as usize;
+        let step = (f64::from(size.w * size.h).sqrt() / CELLS)
+            .max(least)
+            .ceil()
+            .max(1.0) as usize;
         let (columns, rows) = (width.div_ceil(step), height.div_ceil(step));
         self.sum_heat(frame, step, columns, rows);
         let half = |side: f32| (side as usize / step).max(1).div_ceil(2);
@@ -104,7 +108,10 @@ impl Colors {
         for row in 0..rows {
             let (top, low) = (row.saturating_sub(half_h), (row + half_h).min(rows));
             for column in 0..columns {
-                let (left, right) = (column.saturating_sub(half_w), (column + half_w).min(columns));
+                let (left, right) = (
+                    column.saturating_sub(half_w),
+                    (column + half_w).min(columns),
+                );
                 let at = |row: usize, column: usize| self.sums[row * (columns + 1) + column];
                 let sum = at(low, right) - at(top, right) - at(low, left) + at(top, left);
                 let heat = sum / ((low - top) * (right - left)) as f64;
@@ -121,13 +128,18 @@ impl Colors {
     fn sum_heat(&mut self, frame: &Frame<'_>, step: usize, columns: usize, rows: usize) {
         let ratio = |(target, view): (&f32, &f32)| ((target + LEAST) / (view + LEAST)).ln();
         self.heat.clear();
-        self.heat.extend(self.target.iter().zip(&self.view).map(ratio));
+        self.heat
+            .extend(self.target.iter().zip(&self.view).map(ratio));
         self.sums.clear();
         self.sums.resize((columns + 1) * (rows + 1), 0.0);
         for row in 0..rows {
             let mut line = 0.0;
             for column in 0..columns {
-                let color = nearest(color_at(frame, column * step + step / 2, row * step + step / 2));
+                let color = nearest(color_at(
+                    frame,
+                    column * step + step / 2,
+                    row * step + step / 2,
+                ));
                 line += f64::from(self.heat[color]);
                 self.sums[(row + 1) * (columns + 1) + column + 1] =
                     self.sums[row * (columns + 1) + column + 1] + line;
@@ -161,7 +173,11 @@ fn count(
                 let (mut index, mut part) = (0, share);
                 for (axis, (level, levels)) in color.into_iter().zip(LEVELS).enumerate() {
                     let up = corner >> axis & 1;
-                    part *= if up == 1 { level.fract() } else { 1.0 - level.fract() };
+                    part *= if up == 1 {
+                        level.fract()
+                    } else {
+                        1.0 - level.fract()
+                    };
                     index = index * levels + (level as usize + up).min(levels - 1);
                 }
                 histogram[index] += part;
@@ -172,7 +188,12 @@ fn count(
 
 /// Index of the levels nearest to a color.
 fn nearest(color: [f32; 3]) -> usize {
-    color.into_iter().zip(LEVELS).fold(0, |index, (level, levels)| index * levels + (level + 0.5) as usize)
+    color
+        .into_iter()
+        .zip(LEVELS)
+        .fold(0, |index, (level, levels)| {
+            index * levels + (level + 0.5) as usize
+        })
 }
 
 /// The color of the pixel there, or of the nearest one, in levels, `0.0..=levels - 1`.
@@ -206,7 +227,12 @@ mod tests {
 
     #[test]
     fn the_hottest_place_has_the_targets_colors() {
-        let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
+        let size = CenterBox {
+            cx: 38.0,
+            cy: 25.0,
+            w: 16.0,
+            h: 10.0,
+        };
         let mut colors = Colors::default();
         let data = picture((30, 20), (100, 20));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
@@ -214,16 +240,20 @@ mod tests {
         colors.learn(&frame, &size, 1.0);
         let data = picture((120, 60), (20, 40));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
-        let near = |(x, y): (f32, f32), at: (f32, f32)| (x - at.0).abs() <= 3.0 && (y - at.1).abs() <= 3.0;
+        let near =
+            |(x, y): (f32, f32), at: (f32, f32)| (x - at.0).abs() <= 3.0 && (y - at.1).abs() <= 3.0;
         let (x, y) = colors.hottest(&frame, &size, |_, _| true).unwrap();
         assert!(near((x, y), (128.0, 65.0)), "{x} {y}");
         let (x, y) = colors.hottest(&frame, &size, |x, _| x < 100.0).unwrap();
         assert!(near((x, y), (28.0, 45.0)), "{x} {y}");
         assert_eq!(colors.hottest(&frame, &size, |_, _| false), None);
         let at = |cx: f32, cy: f32| CenterBox { cx, cy, ..size };
-        let [all, half, none] =
-            [at(128.0, 65.0), at(28.0, 45.0), at(80.0, 20.0)].map(|place| colors.likeness(&frame, &place));
-        assert!(all > 0.99 && (0.6..0.8).contains(&half) && none == 0.0, "{all} {half} {none}");
+        let [all, half, none] = [at(128.0, 65.0), at(28.0, 45.0), at(80.0, 20.0)]
+            .map(|place| colors.likeness(&frame, &place));
+        assert!(
+            all > 0.99 && (0.6..0.8).contains(&half) && none == 0.0,
+            "{all} {half} {none}"
+        );
         colors.clear();
         assert_eq!(colors.likeness(&frame, &size), 0.0);
         assert_eq!(colors.hottest(&frame, &size, |_, _| true), None);
@@ -231,22 +261,48 @@ mod tests {
 
     #[test]
     fn colors_stay_themselves_in_the_shade() {
-        let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
+        let size = CenterBox {
+            cx: 38.0,
+            cy: 25.0,
+            w: 16.0,
+            h: 10.0,
+        };
         let sunny = picture((30, 20), (100, 20));
-        let shady: Vec<u8> = sunny.iter().map(|channel| (f32::from(*channel) * 0.6) as u8).collect();
+        let shady: Vec<u8> = sunny
+            .iter()
+            .map(|channel| (f32::from(*channel) * 0.6) as u8)
+            .collect();
         let mut colors = Colors::default();
-        colors.learn(&Frame::new(&sunny, 160, 90, ChannelOrder::Rgb).unwrap(), &size, 1.0);
+        colors.learn(
+            &Frame::new(&sunny, 160, 90, ChannelOrder::Rgb).unwrap(),
+            &size,
+            1.0,
+        );
         let shady = Frame::new(&shady, 160, 90, ChannelOrder::Rgb).unwrap();
-        let [target, ground] =
-            [size, CenterBox { cx: 80.0, cy: 60.0, ..size }].map(|place| colors.likeness(&shady, &place));
+        let [target, ground] = [
+            size,
+            CenterBox {
+                cx: 80.0,
+                cy: 60.0,
+                ..size
+            },
+        ]
+        .map(|place| colors.likeness(&shady, &place));
         assert!(target > 0.6 && ground < 0.1, "{target} {ground}");
     }
 
     #[test]
     fn gray_pictures_have_brightness_left() {
-        let size = CenterBox { cx: 38.0, cy: 25.0, w: 16.0, h: 10.0 };
+        let size = CenterBox {
+            cx: 38.0,
+            cy: 25.0,
+            w: 16.0,
+            h: 10.0,
+        };
         let mut colors = Colors::default();
-        let halves: Vec<u8> = (0..160 * 90).map(|i| if i % 160 < 80 { 40 } else { 220 }).collect();
+        let halves: Vec<u8> = (0..160 * 90)
+            .map(|i| if i % 160 < 80 { 40 } else { 220 })
+            .collect();
         let frame = Frame::new(&halves, 160, 90, ChannelOrder::Gray).unwrap();
         colors.learn(&frame, &size, 1.0);
         assert!(colors.likeness(&frame, &CenterBox { cx: 120.0, ..size }) < 0.3);
@@ -254,7 +310,12 @@ mod tests {
 
     #[test]
     fn any_frame_will_do() {
-        let size = CenterBox { cx: 0.0, cy: 0.0, w: 500.0, h: 0.5 };
+        let size = CenterBox {
+            cx: 0.0,
+            cy: 0.0,
+            w: 500.0,
+            h: 0.5,
+        };
         for (width, height) in [(1, 1), (3, 700), (700, 2)] {
             let data = vec![7u8; width * height];
             let frame = Frame::new(&data, width, height, ChannelOrder::Gray).unwrap();

@@ -85,9 +85,9 @@ pub(crate) struct Witness {
     window: Vec<f32>,               // features at the chosen box, less the mean
     familiar: Vec<f32>,             // running mean of good windows; empty before the first
     usual: Option<(f64, f64)>,      // running means of `score` and `identity`
-    peaks: Vec<Peak>,               // of the last search, the chosen one first, the others by falling score,
+    peaks: Vec<Peak>, // of the last search, the chosen one first, the others by falling score,
     pub candidates: Vec<Candidate>, // the same in frame pixels,
-    pub findings: Vec<Finding>,     // and what speaks for those that are worth it
+    pub findings: Vec<Finding>, // and what speaks for those that are worth it
 }
 
 /// Score from which on a candidate that was not chosen is worth judging.
@@ -131,12 +131,19 @@ impl Witness {
             let (identity, likeness) = self.similarity(template, search, selector, &peak.bbox);
             let bbox = view.in_frame(&peak.bbox);
             let (score, similarity) = (peak.score as f32, identity as f32);
-            self.candidates.push(Candidate { bbox: bbox.corner(), score, similarity });
+            self.candidates.push(Candidate {
+                bbox: bbox.corner(),
+                score,
+                similarity,
+            });
             if peak.cell != choice.index && peak.score < SLIGHT {
                 continue;
             }
-            let familiar =
-                if self.familiar.is_empty() { identity } else { cosine(&self.familiar, &self.window) };
+            let familiar = if self.familiar.is_empty() {
+                identity
+            } else {
+                cosine(&self.familiar, &self.window)
+            };
             let score = log_odds(peak.score);
             let (usual_score, usual_identity) = self.usual.unwrap_or((score, identity));
             let values = [
@@ -156,7 +163,11 @@ impl Witness {
                 0.0,
                 colors(&bbox),
             ];
-            self.findings.push(Finding { bbox, score: peak.score as f32, evidence: Evidence { values } });
+            self.findings.push(Finding {
+                bbox,
+                score: peak.score as f32,
+                evidence: Evidence { values },
+            });
         }
         self.peaks = peaks;
         self.candidates.reverse();
@@ -169,7 +180,11 @@ impl Witness {
     fn compare(&mut self) {
         let (peaks, candidates) = (&self.peaks, &self.candidates);
         for (i, finding) in self.findings.iter_mut().enumerate() {
-            let others = peaks.iter().zip(candidates).enumerate().filter(|(other, _)| *other != i);
+            let others = peaks
+                .iter()
+                .zip(candidates)
+                .enumerate()
+                .filter(|(other, _)| *other != i);
             let [mut score, mut identity, mut response] = [0.0f64; 3]; // the others' best
             for (_, (peak, candidate)) in others {
                 score = score.max(peak.score);
@@ -180,7 +195,10 @@ impl Witness {
             values[SECOND] = (score / peaks[i].score.max(1e-6)).min(1.0);
             values[MARGIN] = values[IDENTITY] - identity;
             values[CONTRAST] = values[RESPONSE] - response.min(1.0);
-            values.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+            values
+                .iter_mut()
+                .filter(|v| !v.is_finite())
+                .for_each(|v| *v = 0.0);
         }
     }
 
@@ -212,7 +230,8 @@ impl Witness {
         if side == 0 || reach < side || template.channels() != search.channels() {
             return (0.0, 0.0);
         }
-        let [row, column] = [bbox.cy, bbox.cx].map(|center| selector.window_start(center, side, reach));
+        let [row, column] =
+            [bbox.cy, bbox.cx].map(|center| selector.window_start(center, side, reach));
         let mut best = (f64::MIN, 0.0, row, column);
         for y in row.saturating_sub(1)..=(row + 1).min(reach - side) {
             for x in column.saturating_sub(1)..=(column + 1).min(reach - side) {
@@ -227,7 +246,8 @@ impl Witness {
         for y in best.2 + edge..best.2 + side - edge {
             for x in best.3 + edge..best.3 + side - edge {
                 let pixel = &search.values()[(y * reach + x) * channels..][..channels];
-                self.window.extend(pixel.iter().zip(&self.mean).map(|(v, m)| v - m));
+                self.window
+                    .extend(pixel.iter().zip(&self.mean).map(|(v, m)| v - m));
             }
         }
         (best.0, best.1)
@@ -278,8 +298,9 @@ struct View<'a> {
 impl View<'_> {
     fn in_frame(&self, bbox: &CenterBox) -> CenterBox {
         let (scale, middle) = (self.seen.scale, self.selector.geometry().1);
-        let position =
-            |around: f32, crop: f32| (f64::from(around) + (f64::from(crop) - middle) / scale) as f32;
+        let position = |around: f32, crop: f32| {
+            (f64::from(around) + (f64::from(crop) - middle) / scale) as f32
+        };
         let size = |crop: f32| (f64::from(crop) / scale) as f32;
         CenterBox {
             cx: position(self.seen.around.cx, bbox.cx),
@@ -298,8 +319,12 @@ pub(crate) fn log_odds(p: f64) -> f64 {
 /// `ln((max - min)^2 / mean((s - min)^2))`: average peak-to-correlation energy (Wang, Liu, Huang, CVPR 2017).
 fn sharpness(scores: &[f32]) -> f64 {
     let finite = || scores.iter().copied().filter(|s| s.is_finite());
-    let (least, most) = (finite().fold(f32::MAX, f32::min), finite().fold(f32::MIN, f32::max));
-    let energy: f32 = finite().map(|s| (s - least) * (s - least)).sum::<f32>() / scores.len().max(1) as f32;
+    let (least, most) = (
+        finite().fold(f32::MAX, f32::min),
+        finite().fold(f32::MIN, f32::max),
+    );
+    let energy: f32 =
+        finite().map(|s| (s - least) * (s - least)).sum::<f32>() / scores.len().max(1) as f32;
     let range = f64::from(most - least);
     (range * range / f64::from(energy).max(1e-12)).max(1.0).ln()
 }
@@ -313,7 +338,9 @@ fn agreement(outputs: &crate::net::Outputs, selector: &Selector, peak: &Peak) ->
     for y in row.saturating_sub(1)..=(row + 1).min(n - 1) {
         for x in column.saturating_sub(1)..=(column + 1).min(n - 1) {
             if (y, x) != (row, column) {
-                let bbox: BBox = selector.decode(y, x, &outputs.ltrb[4 * (y * n + x)..][..4]).corner();
+                let bbox: BBox = selector
+                    .decode(y, x, &outputs.ltrb[4 * (y * n + x)..][..4])
+                    .corner();
                 sum += f64::from(bbox.iou(&chosen));
                 count += 1.0;
             }
@@ -326,7 +353,10 @@ fn agreement(outputs: &crate::net::Outputs, selector: &Selector, peak: &Peak) ->
 fn shape(bbox: &CenterBox, seen: &Seen) -> f64 {
     let ratio = |new: f32, old: f32| f64::from(new) / (f64::from(old) * seen.scale).max(1e-6);
     let (w, h) = (ratio(bbox.w, seen.around.w), ratio(bbox.h, seen.around.h));
-    let (size, aspect) = ((w * h).max(1e-6).sqrt().ln().abs(), (w / h.max(1e-6)).max(1e-6).ln().abs());
+    let (size, aspect) = (
+        (w * h).max(1e-6).sqrt().ln().abs(),
+        (w / h.max(1e-6)).max(1e-6).ln().abs(),
+    );
     (size + aspect).min(4.0)
 }
 
@@ -340,7 +370,9 @@ mod tests {
     fn a_lone_peak_is_sharper_than_a_plateau() {
         let mut lone = vec![0.01f32; 289];
         lone[144] = 0.9;
-        let plateau: Vec<f32> = (0..289).map(|i| if i % 2 == 0 { 0.9 } else { 0.01 }).collect();
+        let plateau: Vec<f32> = (0..289)
+            .map(|i| if i % 2 == 0 { 0.9 } else { 0.01 })
+            .collect();
         assert!(sharpness(&lone) > sharpness(&plateau) + 2.0);
         assert_eq!(sharpness(&[0.5; 9]), 0.0);
         assert!(sharpness(&[f32::NAN, 0.1, 0.9]).is_finite());

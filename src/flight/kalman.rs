@@ -47,7 +47,11 @@ impl Axis {
         let [p, c, v] = self.variance;
         let q = acceleration * acceleration;
         self.position += self.velocity;
-        self.variance = [p + 2.0 * c + v + q / 4.0 + wander * wander, c + v + q / 2.0, v + q];
+        self.variance = [
+            p + 2.0 * c + v + q / 4.0 + wander * wander,
+            c + v + q / 2.0,
+            v + q,
+        ];
     }
 
     fn correct(&mut self, measured: f64, variance: f64) {
@@ -76,8 +80,18 @@ impl Kalman {
         let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
         let side = (w * h).sqrt();
         let variance = [(MEASUREMENT * side).powi(2), 0.0, (0.1 * side).powi(2)];
-        let axis = |position: f32| Axis { position: position.into(), velocity: 0.0, variance };
-        Kalman { x: axis(bbox.cx), y: axis(bbox.cy), w, h, agility: 0.0 }
+        let axis = |position: f32| Axis {
+            position: position.into(),
+            velocity: 0.0,
+            variance,
+        };
+        Kalman {
+            x: axis(bbox.cx),
+            y: axis(bbox.cy),
+            w,
+            h,
+            agility: 0.0,
+        }
     }
 
     fn side(&self) -> f64 {
@@ -88,7 +102,12 @@ impl Kalman {
     pub(crate) fn predict(&mut self, motion: &Motion) {
         let (cx, cy) = motion.apply(self.x.position, self.y.position);
         let (vx, vy) = motion.turn(self.x.velocity, self.y.velocity);
-        (self.x.position, self.y.position, self.x.velocity, self.y.velocity) = (cx, cy, vx, vy);
+        (
+            self.x.position,
+            self.y.position,
+            self.x.velocity,
+            self.y.velocity,
+        ) = (cx, cy, vx, vy);
         let (acceleration, wander) = (ACCELERATION * self.side(), WANDER * self.side());
         self.x.predict(acceleration, wander);
         self.y.predict(acceleration, wander);
@@ -156,7 +175,10 @@ impl Kalman {
 
     /// Distance of a center from the prediction, in target sides.
     pub(crate) fn distance(&self, bbox: &CenterBox) -> f64 {
-        let (dx, dy) = (f64::from(bbox.cx) - self.x.position, f64::from(bbox.cy) - self.y.position);
+        let (dx, dy) = (
+            f64::from(bbox.cx) - self.x.position,
+            f64::from(bbox.cy) - self.y.position,
+        );
         dx.hypot(dy) / self.side()
     }
 }
@@ -166,7 +188,12 @@ mod tests {
     use super::*;
 
     fn at(cx: f32, cy: f32) -> CenterBox {
-        CenterBox { cx, cy, w: 20.0, h: 10.0 }
+        CenterBox {
+            cx,
+            cy,
+            w: 20.0,
+            h: 10.0,
+        }
     }
 
     /// A target that was seen to stand still for 30 frames.
@@ -190,7 +217,10 @@ mod tests {
             kalman.predict(&Motion::default());
         }
         let end = kalman.bbox();
-        assert!((end.cx - 220.0).abs() < 2.0 && (end.cy - 10.0).abs() < 2.0, "{end:?}");
+        assert!(
+            (end.cx - 220.0).abs() < 2.0 && (end.cy - 10.0).abs() < 2.0,
+            "{end:?}"
+        );
         assert!(kalman.distance(&at(220.0, 10.0)) < 0.2);
     }
 
@@ -200,11 +230,17 @@ mod tests {
         let pan = Motion::shift(-7.0, 2.0);
         for step in 1..=20 {
             kalman.predict(&pan);
-            kalman.correct(&at(100.0 - 7.0 * step as f32, 50.0 + 2.0 * step as f32), 1.0);
+            kalman.correct(
+                &at(100.0 - 7.0 * step as f32, 50.0 + 2.0 * step as f32),
+                1.0,
+            );
         }
         kalman.predict(&Motion::default());
         let still = kalman.bbox();
-        assert!((still.cx + 40.0).abs() < 0.5 && (still.cy - 90.0).abs() < 0.5, "{still:?}");
+        assert!(
+            (still.cx + 40.0).abs() < 0.5 && (still.cy - 90.0).abs() < 0.5,
+            "{still:?}"
+        );
     }
 
     #[test]

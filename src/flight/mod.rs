@@ -64,7 +64,7 @@ pub struct FlightTracker {
     frames_in_state: u32,
     faint: u32,   // frames in a row below `absent`, or of other colors
     doubted: u32, // frames in a row that are not believed
-    calm: u32,    // frames since the last that was not believed, or since the target was found again
+    calm: u32, // frames since the last that was not believed, or since the target was found again
     score: f32,
     probability: f64,
     tentative: Option<Tentative>,
@@ -108,9 +108,23 @@ impl FlightTracker {
     }
 
     /// A tracker with other presence coefficients.
-    pub fn with_presence(model: Model, options: FlightOptions, presence: Presence) -> FlightTracker {
-        let FlightOptions { threads, cores, config, .. } = options;
-        let tracker_options = TrackerOptions { threads, cores, config, search: SearchRegion::Full };
+    pub fn with_presence(
+        model: Model,
+        options: FlightOptions,
+        presence: Presence,
+    ) -> FlightTracker {
+        let FlightOptions {
+            threads,
+            cores,
+            config,
+            ..
+        } = options;
+        let tracker_options = TrackerOptions {
+            threads,
+            cores,
+            config,
+            search: SearchRegion::Full,
+        };
         FlightTracker {
             tracker: Tracker::with_options(model, tracker_options),
             options,
@@ -176,8 +190,15 @@ impl FlightTracker {
         kalman.predict(&motion);
         self.kalman = Some(kalman);
         self.rivals.predict(&motion);
-        let aged = self.next_anchor.iter_mut().chain(&mut self.probation).map(|(kalman, _)| kalman);
-        self.anchor.iter_mut().chain(aged).for_each(|kalman| kalman.predict(&motion));
+        let aged = self
+            .next_anchor
+            .iter_mut()
+            .chain(&mut self.probation)
+            .map(|(kalman, _)| kalman);
+        self.anchor
+            .iter_mut()
+            .chain(aged)
+            .for_each(|kalman| kalman.predict(&motion));
         self.frames_in_state = self.frames_in_state.saturating_add(1);
         let searches = if self.state.is_seen() {
             self.follow(frame)?;
@@ -195,15 +216,27 @@ impl FlightTracker {
             _ => self.predicted(frame),
         };
         let (score, presence) = (self.score, self.probability as f32);
-        Ok(FlightTrack { bbox: bbox.corner(), score, presence, state: self.state, searches })
+        Ok(FlightTrack {
+            bbox: bbox.corner(),
+            score,
+            presence,
+            state: self.state,
+            searches,
+        })
     }
 
     /// The paper's tracker, watched.
     fn follow(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
-        let (recover, careful) =
-            (self.options.conduct == Conduct::Recover, self.options.conduct != Conduct::Tell);
+        let (recover, careful) = (
+            self.options.conduct == Conduct::Recover,
+            self.options.conduct != Conduct::Tell,
+        );
         let before = self.tracker.target_box();
-        let mut track = if careful { self.tracker.find(frame) } else { self.tracker.update(frame) }?;
+        let mut track = if careful {
+            self.tracker.find(frame)
+        } else {
+            self.tracker.update(frame)
+        }?;
         let mut finding = self.judge(frame, true);
         let slipped = careful && self.tracker.has_slipped(&track);
         if slipped && let Some((wider, there)) = self.look_wider(frame, before, &track) {
@@ -233,11 +266,17 @@ impl FlightTracker {
                 self.enter(State::Coasting);
                 return Ok(());
             };
-            bbox = CenterBox { cx: other.cx, cy: other.cy, ..bbox };
+            bbox = CenterBox {
+                cx: other.cx,
+                cy: other.cy,
+                ..bbox
+            };
             self.tracker.place(bbox);
         }
         // The smoothed presence lags where the target is just being hidden.
-        let probability = self.probability.min(self.presence.look.alone(&finding.evidence));
+        let probability = self
+            .probability
+            .min(self.presence.look.alone(&finding.evidence));
         if let Some(kalman) = &mut self.kalman {
             if probability >= self.options.absent {
                 kalman.correct(&bbox, probability);
@@ -252,7 +291,8 @@ impl FlightTracker {
         let sure = probability >= self.options.sure;
         self.recognize(sure);
         self.drop_anchor(sure);
-        let foreign = self.probability < self.options.present && finding.evidence.colors() < FOREIGN;
+        let foreign =
+            self.probability < self.options.present && finding.evidence.colors() < FOREIGN;
         if self.probability >= f64::from(BELIEVED) {
             if self.doubted >= DOUBTED {
                 self.give_up_search();
@@ -272,7 +312,8 @@ impl FlightTracker {
         }
         if self.calm >= CALM {
             // Light and looks change: what is only likely the target counts, too, but less.
-            self.colors.learn(frame, &bbox, (2.0 * probability - 1.0).max(0.0) as f32);
+            self.colors
+                .learn(frame, &bbox, (2.0 * probability - 1.0).max(0.0) as f32);
             if !slipped {
                 self.witness.learn(&finding.evidence, probability);
             }
@@ -311,9 +352,12 @@ impl FlightTracker {
 
     /// Takes the last re-acquisition back if what was found moves as the target never would have; `true` if so.
     fn take_back(&mut self, bbox: &CenterBox, finding: &Finding) -> bool {
-        let Some((before, age)) = self.probation else { return false };
+        let Some((before, age)) = self.probation else {
+            return false;
+        };
         self.probation = (age < PROBATION).then_some((before, age + 1));
-        let refuted = self.presence.again.log_odds(&finding.evidence) + before.log_ratio(bbox) < REFUTED;
+        let refuted =
+            self.presence.again.log_odds(&finding.evidence) + before.log_ratio(bbox) < REFUTED;
         if refuted {
             self.rivals.meet(bbox);
             self.enter(State::Coasting);
@@ -352,10 +396,15 @@ impl FlightTracker {
     fn rival(&self) -> Option<CenterBox> {
         let (chosen, others) = self.witness.candidates.split_first()?;
         let alike = |c: &&Candidate| {
-            c.score >= RIVAL_SCORE * chosen.score && c.similarity >= chosen.similarity - RIVAL_SIMILARITY
+            c.score >= RIVAL_SCORE * chosen.score
+                && c.similarity >= chosen.similarity - RIVAL_SIMILARITY
         };
-        let near = others.iter().filter(alike).filter(|c| self.is_within_reach(&c.bbox.center()));
-        near.max_by(|a, b| a.score.total_cmp(&b.score)).map(|c| c.bbox.center())
+        let near = others
+            .iter()
+            .filter(alike)
+            .filter(|c| self.is_within_reach(&c.bbox.center()));
+        near.max_by(|a, b| a.score.total_cmp(&b.score))
+            .map(|c| c.bbox.center())
     }
 
     /// Whether a box that jumped is on the target once more, after frames in which it could hardly be seen.
@@ -372,7 +421,8 @@ impl FlightTracker {
 
     /// Whether the target can be there, for all that is known of its motion.
     fn is_within_reach(&self, bbox: &CenterBox) -> bool {
-        self.kalman.is_none_or(|kalman| kalman.distance(bbox) <= kalman.gate())
+        self.kalman
+            .is_none_or(|kalman| kalman.distance(bbox) <= kalman.gate())
     }
 
     /// Looks for known rivals among the last search's candidates, and for new ones where the target was surely `seen`.
@@ -419,7 +469,9 @@ impl FlightTracker {
 
     /// Where the target should be, as far as that is in the frame.
     fn predicted(&self, frame: &Frame<'_>) -> CenterBox {
-        let bbox = self.kalman.map_or_else(CenterBox::default, |kalman| kalman.bbox());
+        let bbox = self
+            .kalman
+            .map_or_else(CenterBox::default, |kalman| kalman.bbox());
         bbox.clamped(frame.width(), frame.height(), self.options.config.min_size)
     }
 
@@ -434,7 +486,9 @@ impl FlightTracker {
         around: BBox,
     ) -> Result<Option<(BBox, Evidence)>, TrackError> {
         self.tracker.look(frame, around.center(), 1.0, 0.0)?;
-        Ok(self.judge(frame, false).map(|finding| (finding.bbox.corner(), finding.evidence)))
+        Ok(self
+            .judge(frame, false)
+            .map(|finding| (finding.bbox.corner(), finding.evidence)))
     }
 
     /// As [`examine`](Self::examine), but as a lost target is looked for: at the size last seen around (`cx`, `cy`), then once more at the place

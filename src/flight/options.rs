@@ -24,7 +24,10 @@ pub enum State {
 impl State {
     /// Whether the box rests on what was seen in this frame.
     pub fn is_seen(self) -> bool {
-        matches!(self, State::Tracking | State::LowConfidence | State::Reacquired)
+        matches!(
+            self,
+            State::Tracking | State::LowConfidence | State::Reacquired
+        )
     }
 
     /// A word for logs and protocols.

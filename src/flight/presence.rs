@@ -109,7 +109,13 @@ impl Presence {
         if gain <= 0.0 {
             return Err(wrong("gain", &gain.to_string(), "a number above 0"));
         }
-        Ok(Presence { look, again, memory, gain, shift })
+        Ok(Presence {
+            look,
+            again,
+            memory,
+            gain,
+            shift,
+        })
     }
 
     /// The lines that [`parse`](Self::parse) reads.
@@ -119,14 +125,24 @@ impl Presence {
             values.push(weighing.bias);
             values.extend(weighing.weights);
         }
-        names().iter().zip(values).map(|(name, value)| format!("{name} {value}\n")).collect()
+        names()
+            .iter()
+            .zip(values)
+            .map(|(name, value)| format!("{name} {value}\n"))
+            .collect()
     }
 }
 
 impl Weighing {
     /// Log-odds of one look on its own.
     pub fn log_odds(&self, evidence: &Evidence) -> f64 {
-        self.bias + self.weights.iter().zip(&evidence.values).map(|(w, v)| w * v).sum::<f64>()
+        self.bias
+            + self
+                .weights
+                .iter()
+                .zip(&evidence.values)
+                .map(|(w, v)| w * v)
+                .sum::<f64>()
     }
 
     /// Probability of one look on its own.
@@ -138,9 +154,11 @@ impl Weighing {
 /// The names of all coefficients, in the order that they are written in.
 fn names() -> Vec<String> {
     let once = ["memory", "gain", "shift"].map(String::from).into_iter();
-    let twice = ["", "again."]
-        .into_iter()
-        .flat_map(|when| std::iter::once("bias").chain(NAMES).map(move |name| format!("{when}{name}")));
+    let twice = ["", "again."].into_iter().flat_map(|when| {
+        std::iter::once("bias")
+            .chain(NAMES)
+            .map(move |name| format!("{when}{name}"))
+    });
     once.chain(twice).collect()
 }
 
@@ -154,8 +172,9 @@ impl Smoothed {
     /// The probability after one more look, given its log-odds.
     pub(crate) fn add(&mut self, presence: &Presence, log_odds: f64) -> f64 {
         let now = log_odds.clamp(-12.0, 12.0);
-        let smoothed =
-            self.log_odds.map_or(now, |before| presence.memory * before + (1.0 - presence.memory) * now);
+        let smoothed = self.log_odds.map_or(now, |before| {
+            presence.memory * before + (1.0 - presence.memory) * now
+        });
         self.log_odds = Some(smoothed);
         sigmoid(presence.gain * smoothed + presence.shift)
     }
@@ -171,9 +190,21 @@ mod tests {
     use weights_format::{Architecture, Widths};
 
     fn some() -> Presence {
-        let look = Weighing { bias: -0.5, weights: std::array::from_fn(|i| i as f64 / 4.0 - 1.0) };
-        let again = Weighing { bias: 0.25, weights: std::array::from_fn(|i| 2.0 - i as f64 / 8.0) };
-        Presence { look, again, memory: 0.5, gain: 1.25, shift: 0.0 }
+        let look = Weighing {
+            bias: -0.5,
+            weights: std::array::from_fn(|i| i as f64 / 4.0 - 1.0),
+        };
+        let again = Weighing {
+            bias: 0.25,
+            weights: std::array::from_fn(|i| 2.0 - i as f64 / 8.0),
+        };
+        Presence {
+            look,
+            again,
+            memory: 0.5,
+            gain: 1.25,
+            shift: 0.0,
+        }
     }
 
     #[test]
@@ -184,10 +215,19 @@ mod tests {
             .lines()
             .filter(|line| !line.starts_with("again."))
             .fold(String::new(), |text, line| text + line + "\n");
-        assert_eq!(Presence::parse(&old), Ok(Presence { again: some().look, ..some() }));
+        assert_eq!(
+            Presence::parse(&old),
+            Ok(Presence {
+                again: some().look,
+                ..some()
+            })
+        );
         let mut header = Header::new(Architecture::new(Widths::FULL, None));
         assert_eq!(Presence::of(&header), Presence::parse(DEFAULT));
-        header.provenance.notes.insert(NOTE.into(), some().to_text());
+        header
+            .provenance
+            .notes
+            .insert(NOTE.into(), some().to_text());
         assert_eq!(Presence::of(&header), Ok(some()));
         header.provenance.notes.insert(NOTE.into(), "junk".into());
         assert!(Presence::of(&header).is_err());
@@ -213,9 +253,25 @@ mod tests {
 
     #[test]
     fn smoothing_follows_with_delay() {
-        let look = Weighing { weights: [10.0 / COUNT as f64; COUNT], bias: 0.0 }; // 10 in all: within the clamp
-        let presence = Presence { look, again: look, memory: 0.5, gain: 1.0, shift: 0.0 };
-        let (good, bad) = (Evidence { values: [1.0; COUNT] }, Evidence { values: [-1.0; COUNT] });
+        let look = Weighing {
+            weights: [10.0 / COUNT as f64; COUNT],
+            bias: 0.0,
+        }; // 10 in all: within the clamp
+        let presence = Presence {
+            look,
+            again: look,
+            memory: 0.5,
+            gain: 1.0,
+            shift: 0.0,
+        };
+        let (good, bad) = (
+            Evidence {
+                values: [1.0; COUNT],
+            },
+            Evidence {
+                values: [-1.0; COUNT],
+            },
+        );
         let mut smoothed = Smoothed::default();
         let [good_odds, bad_odds] = [&good, &bad].map(|evidence| look.log_odds(evidence));
         assert_eq!(smoothed.add(&presence, good_odds), look.alone(&good));

@@ -62,8 +62,13 @@ impl Rivals {
         for candidate in candidates.iter().filter(|c| c.score >= SCORE) {
             let bbox = candidate.bbox.center();
             let away = target.distance(&bbox);
-            let near = self.known.iter_mut().map(|rival| (rival.kalman.distance(&bbox), rival));
-            let nearest = near.filter(|(_, rival)| rival.unseen > 0).min_by(|a, b| a.0.total_cmp(&b.0));
+            let near = self
+                .known
+                .iter_mut()
+                .map(|rival| (rival.kalman.distance(&bbox), rival));
+            let nearest = near
+                .filter(|(_, rival)| rival.unseen > 0)
+                .min_by(|a, b| a.0.total_cmp(&b.0));
             match nearest {
                 Some((distance, rival)) if distance <= rival.reach().min(away) => {
                     rival.kalman.correct(&bbox, 1.0);
@@ -77,34 +82,48 @@ impl Rivals {
         if seen {
             // A rival at the target's place is the target, or hidden by it.
             let at = target.bbox();
-            self.known.retain(|rival| rival.unseen > 0 || rival.kalman.distance(&at) >= 0.5 * APART);
+            self.known
+                .retain(|rival| rival.unseen > 0 || rival.kalman.distance(&at) >= 0.5 * APART);
         }
     }
 
     /// Follows what was found from now on, as a rival that is known.
     pub(super) fn meet(&mut self, bbox: &CenterBox) {
-        let near = self.known.iter_mut().find(|rival| rival.kalman.distance(bbox) <= rival.reach());
+        let near = self
+            .known
+            .iter_mut()
+            .find(|rival| rival.kalman.distance(bbox) <= rival.reach());
         match near {
             Some(rival) => rival.seen = rival.seen.max(KNOWN),
             None => {
                 self.add(bbox);
-                self.known.last_mut().into_iter().for_each(|rival| rival.seen = KNOWN);
+                self.known
+                    .last_mut()
+                    .into_iter()
+                    .for_each(|rival| rival.seen = KNOWN);
             }
         }
     }
 
     fn add(&mut self, bbox: &CenterBox) {
         if self.known.len() == MOST {
-            let least = (0..MOST).min_by_key(|&i| (self.known[i].seen, u32::MAX - self.known[i].unseen));
+            let least =
+                (0..MOST).min_by_key(|&i| (self.known[i].seen, u32::MAX - self.known[i].unseen));
             self.known.remove(least.unwrap_or(0));
         }
-        self.known.push(Rival { kalman: Kalman::new(bbox), seen: 1, unseen: 0 });
+        self.known.push(Rival {
+            kalman: Kalman::new(bbox),
+            seen: 1,
+            unseen: 0,
+        });
     }
 
     /// Whether a box is rather on a known rival than on the target, which is `away` sides from where it should be.
     pub(super) fn claim(&self, bbox: &CenterBox, away: f64) -> bool {
         let known = self.known.iter().filter(|rival| rival.seen >= KNOWN);
-        known.map(|rival| (rival.kalman.distance(bbox), rival)).any(|(d, rival)| d < rival.reach().min(away))
+        known
+            .map(|rival| (rival.kalman.distance(bbox), rival))
+            .any(|(d, rival)| d < rival.reach().min(away))
     }
 }
 
@@ -113,11 +132,20 @@ mod tests {
     use super::*;
 
     fn at(cx: f32, cy: f32) -> CenterBox {
-        CenterBox { cx, cy, w: 20.0, h: 20.0 }
+        CenterBox {
+            cx,
+            cy,
+            w: 20.0,
+            h: 20.0,
+        }
     }
 
     fn seen_at(cx: f32, cy: f32) -> Candidate {
-        Candidate { bbox: at(cx, cy).corner(), score: 0.6, similarity: 0.8 }
+        Candidate {
+            bbox: at(cx, cy).corner(),
+            score: 0.6,
+            similarity: 0.8,
+        }
     }
 
     /// A target that stands and a rival that comes toward it, 2 pixels a frame.
@@ -125,7 +153,10 @@ mod tests {
         let (mut rivals, target) = (Rivals::default(), Kalman::new(&at(100.0, 50.0)));
         for step in 0..20 {
             rivals.predict(&Motion::default());
-            let candidates = [seen_at(100.0, 50.0), seen_at(180.0 - 2.0 * step as f32, 50.0)];
+            let candidates = [
+                seen_at(100.0, 50.0),
+                seen_at(180.0 - 2.0 * step as f32, 50.0),
+            ];
             rivals.observe(&candidates, &target, true);
         }
         (rivals, target)
@@ -141,7 +172,10 @@ mod tests {
         }
         let (rival, away) = (at(82.0, 50.0), target.distance(&at(82.0, 50.0)));
         assert!(rivals.claim(&rival, away));
-        assert!(!rivals.claim(&at(100.0, 50.0), 0.0), "where the target should be it is the target");
+        assert!(
+            !rivals.claim(&at(100.0, 50.0), 0.0),
+            "where the target should be it is the target"
+        );
     }
 
     #[test]
@@ -150,7 +184,14 @@ mod tests {
         for _ in 0..10 {
             rivals.predict(&Motion::default());
             rivals.observe(&[seen_at(110.0, 50.0)], &target, true);
-            rivals.observe(&[Candidate { score: 0.05, ..seen_at(160.0, 50.0) }], &target, true);
+            rivals.observe(
+                &[Candidate {
+                    score: 0.05,
+                    ..seen_at(160.0, 50.0)
+                }],
+                &target,
+                true,
+            );
             rivals.observe(&[seen_at(40.0, 50.0)], &target, false); // may be the target itself
         }
         for x in [110.0, 160.0, 40.0] {

@@ -23,12 +23,22 @@ pub(super) struct Tentative {
 impl Tentative {
     /// A place for closer looks.
     fn new(bbox: CenterBox, needed: u32) -> Tentative {
-        Tentative { bbox, confirmed: 0, needed, looks: 0, log_odds: 0.0 }
+        Tentative {
+            bbox,
+            confirmed: 0,
+            needed,
+            looks: 0,
+            log_odds: 0.0,
+        }
     }
 
     /// Takes one more look into account.
     fn note(&mut self, log_odds: f64) {
-        self.confirmed = if log_odds >= 0.0 { self.confirmed + 1 } else { 0 };
+        self.confirmed = if log_odds >= 0.0 {
+            self.confirmed + 1
+        } else {
+            0
+        };
         self.looks += 1;
         self.log_odds += log_odds;
     }
@@ -76,7 +86,11 @@ const MAX_LEADS: usize = 8;
 /// What was found, of a size that the target can have come to since it was last seen.
 pub(super) fn resized(found: &CenterBox, last: &CenterBox) -> CenterBox {
     let side = |found: f32, last: f32| found.clamp(last / MOST_RESIZED, last * MOST_RESIZED);
-    CenterBox { w: side(found.w, last.w), h: side(found.h, last.h), ..*found }
+    CenterBox {
+        w: side(found.w, last.w),
+        h: side(found.h, last.h),
+        ..*found
+    }
 }
 
 impl FlightTracker {
@@ -114,7 +128,9 @@ impl FlightTracker {
         let searches = self.search(frame, budget, started, 1)?;
         if self.state != State::Reacquired {
             (self.kalman, self.evidence) = (kalman, evidence);
-            followed.into_iter().for_each(|bbox| self.tracker.place(bbox));
+            followed
+                .into_iter()
+                .for_each(|bbox| self.tracker.place(bbox));
         }
         Ok(searches)
     }
@@ -150,10 +166,15 @@ impl FlightTracker {
         while searches == 0 || is_left(searches, self.search_cost) {
             let began = Instant::now();
             let ahead = self.state == State::Coasting || self.frames_in_state.is_multiple_of(3);
-            let doubtful = self.tentative.is_none_or(|tentative| tentative.confirmed == 0);
+            let doubtful = self
+                .tentative
+                .is_none_or(|tentative| tentative.confirmed == 0);
             if searches == 0 && ahead && doubtful {
                 verified = self.look_ahead(frame)?;
-            } else if !verified && (self.closer_look || self.tentative.is_some()) && self.take_lead() {
+            } else if !verified
+                && (self.closer_look || self.tentative.is_some())
+                && self.take_lead()
+            {
                 // Once a frame: it takes one frame after the other to confirm a place.
                 (verified, self.closer_look) = (true, false);
                 if self.verify(frame)? {
@@ -172,20 +193,38 @@ impl FlightTracker {
     /// Looks around the predicted place; `true` if something there may be the target.
     fn look_ahead(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
         let predicted = self.predicted(frame);
-        self.tracker.look(frame, predicted, 1.0, self.options.config.window_influence)?;
+        self.tracker
+            .look(frame, predicted, 1.0, self.options.config.window_influence)?;
         self.judge(frame, true);
         self.recognize(false);
-        let believed = self.witness.findings.iter().map(|finding| (self.belief(finding), *finding));
-        let Some((log_odds, finding)) = believed.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(false) };
+        let believed = self
+            .witness
+            .findings
+            .iter()
+            .map(|finding| (self.belief(finding), *finding));
+        let Some((log_odds, finding)) = believed.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Ok(false);
+        };
         self.score = finding.score;
         self.probability = self
             .smoothed
-            .add(&self.presence, self.presence.look.log_odds(&finding.evidence))
+            .add(
+                &self.presence,
+                self.presence.look.log_odds(&finding.evidence),
+            )
             .min(self.options.present);
         let promising = log_odds >= 0.0;
         if promising {
-            let needed = if self.state == State::Coasting { 2 } else { self.options.confirm };
-            let bbox = CenterBox { cx: finding.bbox.cx, cy: finding.bbox.cy, ..predicted };
+            let needed = if self.state == State::Coasting {
+                2
+            } else {
+                self.options.confirm
+            };
+            let bbox = CenterBox {
+                cx: finding.bbox.cx,
+                cy: finding.bbox.cy,
+                ..predicted
+            };
             let mut tentative = Tentative::new(bbox, needed);
             tentative.note(log_odds);
             self.tentative = Some(tentative);
@@ -195,7 +234,9 @@ impl FlightTracker {
 
     /// Log-odds that what was found is the target, by its looks and by its place.
     pub(super) fn belief(&self, finding: &Finding) -> f64 {
-        let Some(kalman) = self.kalman else { return f64::NEG_INFINITY };
+        let Some(kalman) = self.kalman else {
+            return f64::NEG_INFINITY;
+        };
         let claimed = self.rivals.claim(&finding.bbox, self.away(&finding.bbox));
         let looks = self.presence.again.log_odds(&finding.evidence);
         looks + kalman.log_ratio(&finding.bbox) - if claimed { CLAIMED } else { 0.0 }
@@ -217,10 +258,18 @@ impl FlightTracker {
     /// Looks where the target's colors are or at the sweep's next tile, by turns, and keeps what it finds there as a lead.
     fn look_elsewhere(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
         let size = self.predicted(frame);
-        let colored = if self.by_colors { self.colored_place(frame, &size) } else { None };
+        let colored = if self.by_colors {
+            self.colored_place(frame, &size)
+        } else {
+            None
+        };
         self.by_colors = !self.by_colors;
-        let place = colored.map(|place| (place, 1.0)).or_else(|| self.next_tile(frame, &size));
-        let Some(((cx, cy), zoom)) = place else { return Ok(()) };
+        let place = colored
+            .map(|place| (place, 1.0))
+            .or_else(|| self.next_tile(frame, &size));
+        let Some(((cx, cy), zoom)) = place else {
+            return Ok(());
+        };
         let around = CenterBox { cx, cy, ..size };
         if self.visited.len() == MOST_VISITED {
             self.visited.remove(0);
@@ -264,7 +313,8 @@ impl FlightTracker {
             let side = f64::from(size.w * size.h).sqrt();
             let radius = self.kalman.map_or(0.0, |kalman| kalman.gate()) * side;
             let frame_size = (frame.width(), frame.height());
-            self.sweep.plan(frame_size, self.tile_side(size), (size.cx, size.cy), radius);
+            self.sweep
+                .plan(frame_size, self.tile_side(size), (size.cx, size.cy), radius);
             self.sweep.next()
         })
     }
@@ -272,23 +322,36 @@ impl FlightTracker {
     /// Takes the best lead for a closer look, unless there is a place already; what is doubtful there steps back for a lead that is believed.
     /// Returns whether there is a place now.
     fn take_lead(&mut self) -> bool {
-        let believed = self.leads.last().is_some_and(|(log_odds, _)| *log_odds >= 0.0);
-        if self.tentative.is_none_or(|tentative| believed && tentative.confirmed == 0)
+        let believed = self
+            .leads
+            .last()
+            .is_some_and(|(log_odds, _)| *log_odds >= 0.0);
+        if self
+            .tentative
+            .is_none_or(|tentative| believed && tentative.confirmed == 0)
             && let Some((_, bbox)) = self.leads.pop()
         {
-            let before = self.tentative.replace(Tentative::new(bbox, self.options.confirm));
-            before.into_iter().for_each(|before| self.add_lead(before.mean(), before.bbox));
+            let before = self
+                .tentative
+                .replace(Tentative::new(bbox, self.options.confirm));
+            before
+                .into_iter()
+                .for_each(|before| self.add_lead(before.mean(), before.bbox));
         }
         self.tentative.is_some()
     }
 
     /// Tracks the tentative place for one frame; `true` if it is now taken for the target.
     fn verify(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
-        let Some(mut tentative) = self.tentative.take() else { return Ok(false) };
+        let Some(mut tentative) = self.tentative.take() else {
+            return Ok(false);
+        };
         let back = self.tracker.target_box();
         self.tracker.place(tentative.bbox);
         let track = self.tracker.find(frame)?;
-        let Some(finding) = self.judge(frame, false) else { return Ok(false) };
+        let Some(finding) = self.judge(frame, false) else {
+            return Ok(false);
+        };
         self.recognize(false);
         tentative.note(self.belief(&finding));
         if tentative.is_refuted() {
@@ -304,7 +367,10 @@ impl FlightTracker {
         self.kalman = Some(Kalman::new(&tentative.bbox));
         (self.anchor, self.next_anchor) = (self.kalman, None);
         self.smoothed = Smoothed::default();
-        self.probability = self.smoothed.add(&self.presence, self.presence.look.log_odds(&finding.evidence));
+        self.probability = self.smoothed.add(
+            &self.presence,
+            self.presence.look.log_odds(&finding.evidence),
+        );
         self.score = finding.score;
         self.enter(State::Reacquired);
         (self.faint, self.doubted, self.calm) = (0, 0, 0);
@@ -349,10 +415,31 @@ mod tests {
 
     #[test]
     fn a_target_returns_larger_or_smaller_within_bounds() {
-        let last = CenterBox { cx: 0.0, cy: 0.0, w: 20.0, h: 10.0 };
-        let found = CenterBox { cx: 50.0, cy: 60.0, w: 30.0, h: 6.0 };
+        let last = CenterBox {
+            cx: 0.0,
+            cy: 0.0,
+            w: 20.0,
+            h: 10.0,
+        };
+        let found = CenterBox {
+            cx: 50.0,
+            cy: 60.0,
+            w: 30.0,
+            h: 6.0,
+        };
         assert_eq!(resized(&found, &last), found);
-        let far_off = CenterBox { w: 90.0, h: 1.0, ..found };
-        assert_eq!(resized(&far_off, &last), CenterBox { w: 40.0, h: 5.0, ..found });
+        let far_off = CenterBox {
+            w: 90.0,
+            h: 1.0,
+            ..found
+        };
+        assert_eq!(
+            resized(&far_off, &last),
+            CenterBox {
+                w: 40.0,
+                h: 5.0,
+                ..found
+            }
+        );
     }
 }

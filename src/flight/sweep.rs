@@ -27,10 +27,14 @@ impl Sweep {
     ) {
         let (width, height) = (width as f64, height as f64);
         let reach = reach.max(1.0);
-        let tiles = (width.min(2.0 * radius) / reach).ceil() * (height.min(2.0 * radius) / reach).ceil();
+        let tiles =
+            (width.min(2.0 * radius) / reach).ceil() * (height.min(2.0 * radius) / reach).ceil();
         self.zoom = (tiles / FEW_TILES).sqrt().clamp(1.0, MAX_ZOOM);
         let step = (reach * self.zoom).max((width * height / MAX_TILES).sqrt());
-        let (columns, rows) = ((width / step).ceil().max(1.0), (height / step).ceil().max(1.0));
+        let (columns, rows) = (
+            (width / step).ceil().max(1.0),
+            (height / step).ceil().max(1.0),
+        );
         self.left.clear();
         for row in 0..rows as usize {
             for column in 0..columns as usize {
@@ -40,10 +44,16 @@ impl Sweep {
             }
         }
         let distance = |&(x, y): &(f32, f32)| (x - around.0).hypot(y - around.1);
-        self.left.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
+        self.left
+            .sort_by(|a, b| distance(b).total_cmp(&distance(a)));
         // The nearest one stays in any case: there is always something to do.
         let beyond = |tile: &(f32, f32)| f64::from(distance(tile)) > radius + step;
-        let far = self.left.iter().take_while(|tile| beyond(tile)).count().min(self.left.len() - 1);
+        let far = self
+            .left
+            .iter()
+            .take_while(|tile| beyond(tile))
+            .count()
+            .min(self.left.len() - 1);
         self.left.drain(..far);
     }
 
@@ -74,13 +84,29 @@ mod tests {
         let zoom = tiles[0].1;
         assert!((1.0..=MAX_ZOOM).contains(&zoom));
         let far = |x: f32, y: f32| {
-            tiles.iter().map(|((a, b), _)| (x - a).abs().max((y - b).abs())).fold(f32::MAX, f32::min)
+            tiles
+                .iter()
+                .map(|((a, b), _)| (x - a).abs().max((y - b).abs()))
+                .fold(f32::MAX, f32::min)
         };
-        for (x, y) in [(0.0, 0.0), (639.0, 0.0), (320.0, 180.0), (5.0, 359.0), (639.0, 359.0)] {
-            assert!(f64::from(far(x, y)) <= 0.5 * 68.0 * zoom + 1.0, "({x}, {y})");
+        for (x, y) in [
+            (0.0, 0.0),
+            (639.0, 0.0),
+            (320.0, 180.0),
+            (5.0, 359.0),
+            (639.0, 359.0),
+        ] {
+            assert!(
+                f64::from(far(x, y)) <= 0.5 * 68.0 * zoom + 1.0,
+                "({x}, {y})"
+            );
         }
         let distance = |((x, y), _): &((f32, f32), f64)| (x - 600.0).hypot(y - 10.0);
-        assert!(tiles.windows(2).all(|pair| distance(&pair[0]) <= distance(&pair[1])));
+        assert!(
+            tiles
+                .windows(2)
+                .all(|pair| distance(&pair[0]) <= distance(&pair[1]))
+        );
     }
 
     #[test]

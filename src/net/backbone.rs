@@ -26,10 +26,34 @@ pub(crate) struct BackboneMaps {
 
 impl Backbone {
     pub(crate) fn run(&self, context: &mut Context, threads: &Threads, maps: &mut BackboneMaps) {
-        context.conv_pool_for(threads, &self.conv1, &self.conv2, &maps.crop, &mut maps.pool1);
-        context.conv_pool_for(threads, &self.conv2, &self.conv3, &maps.pool1, &mut maps.pool2);
-        context.conv_for(threads, &self.conv3, &self.conv4, &maps.pool2, &mut maps.conv3);
-        context.conv_for(threads, &self.conv4, &self.conv5, &maps.conv3, &mut maps.conv4);
+        context.conv_pool_for(
+            threads,
+            &self.conv1,
+            &self.conv2,
+            &maps.crop,
+            &mut maps.pool1,
+        );
+        context.conv_pool_for(
+            threads,
+            &self.conv2,
+            &self.conv3,
+            &maps.pool1,
+            &mut maps.pool2,
+        );
+        context.conv_for(
+            threads,
+            &self.conv3,
+            &self.conv4,
+            &maps.pool2,
+            &mut maps.conv3,
+        );
+        context.conv_for(
+            threads,
+            &self.conv4,
+            &self.conv5,
+            &maps.conv3,
+            &mut maps.conv4,
+        );
         context.conv(threads, &self.conv5, &maps.conv4, &mut maps.conv5);
     }
 }

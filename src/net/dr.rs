@@ -40,7 +40,13 @@ impl Dr {
         features: &'a Map,
         maps: &'a mut DrMaps,
     ) -> &'a Map {
-        run(self.search.as_ref().unwrap_or(&self.template), context, threads, features, maps)
+        run(
+            self.search.as_ref().unwrap_or(&self.template),
+            context,
+            threads,
+            features,
+            maps,
+        )
     }
 
     /// What [`search`](Self::search) returned last.
@@ -59,7 +65,9 @@ fn run<'a>(
     features: &'a Map,
     [first_map, second_map]: &'a mut DrMaps,
 ) -> &'a Map {
-    let [first, rest @ ..] = convs else { return features };
+    let [first, rest @ ..] = convs else {
+        return features;
+    };
     context.conv(threads, first, features, first_map);
     let [second] = rest else { return first_map };
     context.conv(threads, second, first_map, second_map);

@@ -36,7 +36,13 @@ impl Head {
         maps: &mut HeadMaps,
         outputs: &mut Outputs,
     ) {
-        let HeadMaps { cls, reg, score, centerness, offsets } = maps;
+        let HeadMaps {
+            cls,
+            reg,
+            score,
+            centerness,
+            offsets,
+        } = maps;
         threads.both(
             contexts,
             |threads, context| {
@@ -61,7 +67,13 @@ impl Head {
     }
 }
 
-fn tower(convs: &[Conv; 3], context: &mut Context, threads: &Threads, response: &Map, maps: &mut [Map; 3]) {
+fn tower(
+    convs: &[Conv; 3],
+    context: &mut Context,
+    threads: &Threads,
+    response: &Map,
+    maps: &mut [Map; 3],
+) {
     let [a, b, c] = maps;
     context.conv_for(threads, &convs[0], &convs[1], response, a);
     context.conv_for(threads, &convs[1], &convs[2], a, b);

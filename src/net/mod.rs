@@ -53,9 +53,18 @@ impl Network {
     /// A network without a template on given threads.
     pub fn with_threads(model: Model, threads: Threads) -> Network {
         let cells = model.architecture().score_size().pow(2);
-        let outputs = Outputs { score: vec![0.0; cells], ltrb: vec![0.0; 4 * cells] };
+        let outputs = Outputs {
+            score: vec![0.0; cells],
+            ltrb: vec![0.0; 4 * cells],
+        };
         let scratch = Scratch::new(model.isa());
-        Network { model, threads, scratch, template: Template::default(), outputs }
+        Network {
+            model,
+            threads,
+            scratch,
+            template: Template::default(),
+            outputs,
+        }
     }
 
     /// The model.
@@ -77,10 +86,15 @@ impl Network {
 
     /// The identity-related features of the template and of the last search region.
     pub(crate) fn identity(&self) -> (&Map, &Map) {
-        let Scratch { backbone, encoded, .. } = &self.scratch;
+        let Scratch {
+            backbone, encoded, ..
+        } = &self.scratch;
         (
             &self.template.features().identity,
-            self.model.layers().encoder.search_features(&backbone.conv5, encoded),
+            self.model
+                .layers()
+                .encoder
+                .search_features(&backbone.conv5, encoded),
         )
     }
 
@@ -110,15 +124,32 @@ impl Network {
     ///
     /// Panics if the crop has not the model's size.
     pub fn set_template(&mut self, crop: &[u8]) {
-        let Network { model, threads, scratch, template, .. } = self;
+        let Network {
+            model,
+            threads,
+            scratch,
+            template,
+            ..
+        } = self;
         threads.enter(|| {
             let layers = model.layers();
-            scratch.set_crop(crop, model.architecture().template_size, &layers.backbone.conv1);
+            scratch.set_crop(
+                crop,
+                model.architecture().template_size,
+                &layers.backbone.conv1,
+            );
             let Scratch {
-                contexts: [context, _], backbone, encoded, encoded_neck, template_neck: neck, ..
+                contexts: [context, _],
+                backbone,
+                encoded,
+                encoded_neck,
+                template_neck: neck,
+                ..
             } = scratch;
             layers.backbone.run(context, threads, backbone);
-            let features = layers.encoder.template(context, threads, &backbone.conv5, encoded);
+            let features = layers
+                .encoder
+                .template(context, threads, &backbone.conv5, encoded);
             let maps = template_maps(layers, context, threads, features, neck, encoded_neck);
             template.set(features, maps);
         });
@@ -131,7 +162,13 @@ impl Network {
     /// needed; only the neck's convolutions run, on 6x6 cells. Nothing happens where encoders have other weights for
     /// templates, since features then differ.
     pub(crate) fn update_template(&mut self, row: usize, column: usize, share: f32) {
-        let Network { model, threads, scratch, template, .. } = self;
+        let Network {
+            model,
+            threads,
+            scratch,
+            template,
+            ..
+        } = self;
         let layers = model.layers();
         if !(layers.encoder.is_shared() && layers.encoder_after_neck.is_shared()) {
             return;
@@ -148,7 +185,14 @@ impl Network {
             } = scratch;
             let features = layers.encoder.search_features(&backbone.conv5, encoded);
             window.copy_window(features, template.features().identity.size(), row, column);
-            let maps = template_maps(layers, context, threads, window, template_neck, encoded_neck);
+            let maps = template_maps(
+                layers,
+                context,
+                threads,
+                window,
+                template_neck,
+                encoded_neck,
+            );
             template.add(maps, share);
         });
     }
@@ -157,33 +201,68 @@ impl Network {
     ///
     /// Panics if the crop has not the model's size or no template was set.
     pub fn search(&mut self, crop: &[u8]) -> &Outputs {
-        self.search_timed(crop, self.model.architecture().search_size, &mut Stages::default())
+        self.search_timed(
+            crop,
+            self.model.architecture().search_size,
+            &mut Stages::default(),
+        )
     }
 
     /// As [`search`](Self::search) on a crop of `side` pixels, noting the time of every stage.
-    pub(crate) fn search_timed(&mut self, crop: &[u8], side: usize, stages: &mut Stages) -> &mut Outputs {
-        let Network { model, threads, scratch, template, outputs } = self;
+    pub(crate) fn search_timed(
+        &mut self,
+        crop: &[u8],
+        side: usize,
+        stages: &mut Stages,
+    ) -> &mut Outputs {
+        let Network {
+            model,
+            threads,
+            scratch,
+            template,
+            outputs,
+        } = self;
         let template = template.features();
-        assert!(template.cls.channels() > 0, "search needs template features: call set_template first");
+        assert!(
+            template.cls.channels() > 0,
+            "search needs template features: call set_template first"
+        );
         threads.enter(|| {
             let mut lap = Lap::start();
             let layers = model.layers();
             scratch.set_crop(crop, side, &layers.backbone.conv1);
-            let Scratch { contexts, backbone, encoded, encoded_neck, neck, response, head, .. } = scratch;
+            let Scratch {
+                contexts,
+                backbone,
+                encoded,
+                encoded_neck,
+                neck,
+                response,
+                head,
+                ..
+            } = scratch;
             let [context, other] = contexts;
 
             layers.backbone.run(context, threads, backbone);
             stages.backbone = lap.lap();
 
-            let features = layers.encoder.search(context, threads, &backbone.conv5, encoded);
+            let features = layers
+                .encoder
+                .search(context, threads, &backbone.conv5, encoded);
             stages.dr = lap.lap();
 
-            layers.neck.search([context, other], threads, features, neck);
+            layers
+                .neck
+                .search([context, other], threads, features, neck);
             stages.neck = lap.lap();
 
             let [cls, reg] = encoded_neck;
-            let cls = layers.encoder_after_neck.search(context, threads, &neck.cls, cls);
-            let reg = layers.encoder_after_neck.search(context, threads, &neck.reg, reg);
+            let cls = layers
+                .encoder_after_neck
+                .search(context, threads, &neck.cls, cls);
+            let reg = layers
+                .encoder_after_neck
+                .search(context, threads, &neck.reg, reg);
             stages.dr += lap.lap();
 
             threads.both(
@@ -193,7 +272,9 @@ impl Network {
             );
             stages.xcorr = lap.lap();
 
-            layers.head.run([context, other], threads, response, head, outputs);
+            layers
+                .head
+                .run([context, other], threads, response, head, outputs);
             stages.head = lap.lap();
         });
         &mut self.outputs
@@ -211,12 +292,17 @@ fn template_maps<'a>(
 ) -> [&'a Map; 2] {
     layers.neck.template(context, threads, features, neck);
     let encoder = &layers.encoder_after_neck;
-    [encoder.template(context, threads, &neck.cls, cls), encoder.template(context, threads, &neck.reg, reg)]
+    [
+        encoder.template(context, threads, &neck.cls, cls),
+        encoder.template(context, threads, &neck.reg, reg),
+    ]
 }
 
 /// Which map the convolution `name` reads.
 fn input_map(architecture: &Architecture, name: &str) -> Option<&'static str> {
-    let before_neck = architecture.encoder.filter(|e| e.position == EncoderPosition::BeforeNeck);
+    let before_neck = architecture
+        .encoder
+        .filter(|e| e.position == EncoderPosition::BeforeNeck);
     match name {
         "backbone.conv2" => Some("backbone.pool1"),
         "backbone.conv3" => Some("backbone.pool2"),
@@ -225,7 +311,9 @@ fn input_map(architecture: &Architecture, name: &str) -> Option<&'static str> {
         "dr.e2.0" | "dr.e2_template.0" | "dr.e2_search.0" => before_neck.map(|_| "backbone.conv5"),
         "dr.e2.1" | "dr.e2_template.1" | "dr.e2_search.1" => before_neck.map(|_| "dr.e2.0"),
         "neck.template_cls" | "neck.template_reg" | "neck.search_cls" | "neck.search_reg" => {
-            Some(before_neck.map_or("backbone.conv5", |e| if e.layers == 2 { "dr.e2.1" } else { "dr.e2.0" }))
+            Some(before_neck.map_or("backbone.conv5", |e| {
+                if e.layers == 2 { "dr.e2.1" } else { "dr.e2.0" }
+            }))
         }
         "head.cls1" => Some("correlation.cls"),
         "head.cls2" => Some("head.cls1"),
@@ -249,7 +337,9 @@ mod tests {
         let (side, small) = (architecture.search_size, architecture.template_size);
         let weights = Weights::random(architecture, 4);
         let mut network = Network::new(Model::from_weights(&weights, Isa::detect()).unwrap(), 1);
-        let crop: Vec<u8> = (0..side * side * 3).map(|i| (i * i / 7 % 251) as u8).collect();
+        let crop: Vec<u8> = (0..side * side * 3)
+            .map(|i| (i * i / 7 % 251) as u8)
+            .collect();
         let edge = (side - small) / 2;
         let row = |y: usize| &crop[((edge + y) * side + edge) * 3..][..small * 3];
         let template: Vec<u8> = (0..small).flat_map(row).copied().collect();
@@ -263,9 +353,16 @@ mod tests {
             let pairs = now.cls.values().iter().zip(before.cls.values());
             pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
         };
-        let size = before.cls.values().iter().fold(0.0f32, |most, v| most.max(v.abs()));
+        let size = before
+            .cls
+            .values()
+            .iter()
+            .fold(0.0f32, |most, v| most.max(v.abs()));
         assert!(far(&network) < 1e-3 * size, "{} of {size}", far(&network));
         network.update_template(start, start + 1, 1.0);
-        assert!(far(&network) > 1e-2 * size, "a window beside it holds something else");
+        assert!(
+            far(&network) > 1e-2 * size,
+            "a window beside it holds something else"
+        );
     }
 }

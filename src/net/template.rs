@@ -35,17 +35,27 @@ impl Template {
 
     /// Starts anew with the first frame: its identity-related features, `cls` and `reg`.
     pub(crate) fn set(&mut self, identity: &Map, [cls, reg]: [&Map; 2]) {
-        self.features = TemplateFeatures { cls: cls.clone(), reg: reg.clone(), identity: identity.clone() };
+        self.features = TemplateFeatures {
+            cls: cls.clone(),
+            reg: reg.clone(),
+            identity: identity.clone(),
+        };
         self.first = [cls.clone(), reg.clone()];
     }
 
     /// Moves toward `(1 - share) * first + share * new`, so that in the end `share` of the template are later looks.
     pub(crate) fn add(&mut self, [cls, reg]: [&Map; 2], share: f32) {
         let [first_cls, first_reg] = &self.first;
-        for (map, first, new) in
-            [(&mut self.features.cls, first_cls, cls), (&mut self.features.reg, first_reg, reg)]
-        {
-            for ((value, first), new) in map.values_mut().iter_mut().zip(first.values()).zip(new.values()) {
+        for (map, first, new) in [
+            (&mut self.features.cls, first_cls, cls),
+            (&mut self.features.reg, first_reg, reg),
+        ] {
+            for ((value, first), new) in map
+                .values_mut()
+                .iter_mut()
+                .zip(first.values())
+                .zip(new.values())
+            {
                 *value += RATE * (first + share * (new - first) - *value);
             }
         }
@@ -74,7 +84,14 @@ mod tests {
             template.add([&map(3.0), &map(10.0)], 0.4);
         }
         assert!((cls(&template) - 1.8).abs() < 1e-5, "{}", cls(&template));
-        assert!(template.features().reg.values().iter().all(|v| (v - 10.0).abs() < 1e-5));
+        assert!(
+            template
+                .features()
+                .reg
+                .values()
+                .iter()
+                .all(|v| (v - 10.0).abs() < 1e-5)
+        );
         assert_eq!(template.features().identity.values(), [7.0; 12]);
         template.set(&map(7.0), [&map(1.0), &map(10.0)]);
         assert_eq!(cls(&template), 1.0, "the new target's first look alone");

@@ -12,33 +12,53 @@ use crate::frame::{ChannelOrder, Frame};
 
 /// Decodes one file into `buffer`; gray pictures stay gray, all others become RGB.
 pub(super) fn decode(path: PathBuf, mut buffer: Vec<u8>) -> Result<Image, SourceError> {
-    let file = read(&path).map_err(|error| SourceError::Io { path: path.clone(), error })?;
+    let file = read(&path).map_err(|error| SourceError::Io {
+        path: path.clone(),
+        error,
+    })?;
     let (width, height, order) = match decode_file(&file, &mut buffer) {
         Ok(size) => size,
         Err(reason) => return Err(SourceError::Decode { path, reason }),
     };
-    Ok(Image { data: buffer, width, height, order, name: Some(path) })
+    Ok(Image {
+        data: buffer,
+        width,
+        height,
+        order,
+        name: Some(path),
+    })
 }
 
 /// A regular file of bounded size: a pipe or a device would never end.
 fn read(path: &Path) -> Result<Vec<u8>, Error> {
     let found = std::fs::metadata(path)?;
     if !found.is_file() {
-        return Err(Error::other("expected a picture file, found something else"));
+        return Err(Error::other(
+            "expected a picture file, found something else",
+        ));
     }
     if found.len() > MAX_FRAME_BYTES {
-        return Err(Error::other(format!("{} bytes, expected at most {MAX_FRAME_BYTES}", found.len())));
+        return Err(Error::other(format!(
+            "{} bytes, expected at most {MAX_FRAME_BYTES}",
+            found.len()
+        )));
     }
     std::fs::read(path)
 }
 
 fn decode_file(file: &[u8], out: &mut Vec<u8>) -> Result<(usize, usize, ChannelOrder), String> {
-    let mut reader =
-        ImageReader::new(Cursor::new(file)).with_guessed_format().map_err(|error| error.to_string())?;
+    let mut reader = ImageReader::new(Cursor::new(file))
+        .with_guessed_format()
+        .map_err(|error| error.to_string())?;
     match reader.format() {
-        None => return Err("expected a jpg, png, webp or bmp picture, found something else".into()),
+        None => {
+            return Err("expected a jpg, png, webp or bmp picture, found something else".into());
+        }
         Some(ImageFormat::Jpeg) if is_cut_short(file) => {
-            return Err(format!("the jpg has no end within its {} bytes: it is cut short", file.len()));
+            return Err(format!(
+                "the jpg has no end within its {} bytes: it is cut short",
+                file.len()
+            ));
         }
         Some(_) => {}
     }
@@ -51,7 +71,9 @@ fn decode_file(file: &[u8], out: &mut Vec<u8>) -> Result<(usize, usize, ChannelO
     let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
     let (width, height) = decoder.dimensions();
     if !(1..=max_side).contains(&width) || !(1..=max_side).contains(&height) {
-        return Err(format!("{width}x{height} pixels, expected sides from 1 to {max_side}"));
+        return Err(format!(
+            "{width}x{height} pixels, expected sides from 1 to {max_side}"
+        ));
     }
     let bytes = decoder.total_bytes();
     if bytes > MAX_FRAME_BYTES {

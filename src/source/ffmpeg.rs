@@ -34,10 +34,17 @@ impl Stopper {
 
 impl Ffmpeg {
     /// Starts to decode the first video stream of `location`; frames come out of the pipe as PPM.
-    pub(super) fn decode(program: &OsStr, location: &OsStr) -> Result<(Ffmpeg, ChildStdout), String> {
+    pub(super) fn decode(
+        program: &OsStr,
+        location: &OsStr,
+    ) -> Result<(Ffmpeg, ChildStdout), String> {
         let mut command = Command::new(program);
         command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
-        let has_scheme = |scheme: &str| location.to_str().is_some_and(|text| text.starts_with(scheme));
+        let has_scheme = |scheme: &str| {
+            location
+                .to_str()
+                .is_some_and(|text| text.starts_with(scheme))
+        };
         if LIVE_SCHEMES.into_iter().any(has_scheme) {
             // Frames now, rather than five seconds of looking what else there is in the stream.
             command.args(["-fflags", "nobuffer", "-analyzeduration", "1000000"]);
@@ -47,8 +54,19 @@ impl Ffmpeg {
         }
         command.arg("-i").arg(location);
         command.args(["-map", "0:v:0", "-vf", "setpts=N/(25*TB)", "-r", "25"]);
-        command.args(["-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "pipe:1"]);
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.args([
+            "-f",
+            "image2pipe",
+            "-c:v",
+            "ppm",
+            "-pix_fmt",
+            "rgb24",
+            "pipe:1",
+        ]);
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|error| match error.kind() {
             ErrorKind::NotFound => {
                 "is needed to read video, but was not found: install it, put the frames into a \
@@ -61,7 +79,13 @@ impl Ffmpeg {
             return Err("was started without pipes".into());
         };
         let complaints = std::thread::spawn(move || read_last_words(errors));
-        Ok((Ffmpeg { child: Arc::new(Mutex::new(child)), complaints: Some(complaints) }, pipe))
+        Ok((
+            Ffmpeg {
+                child: Arc::new(Mutex::new(child)),
+                complaints: Some(complaints),
+            },
+            pipe,
+        ))
     }
 
     /// What stops this process from another thread.
@@ -92,8 +116,16 @@ impl Ffmpeg {
 
     /// Its error output, on lines of their own; empty where there was none.
     fn last_words(&mut self) -> String {
-        let words = self.complaints.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
-        if words.is_empty() { words } else { format!(":\n{words}") }
+        let words = self
+            .complaints
+            .take()
+            .and_then(|thread| thread.join().ok())
+            .unwrap_or_default();
+        if words.is_empty() {
+            words
+        } else {
+            format!(":\n{words}")
+        }
     }
 }
 
@@ -114,6 +146,10 @@ fn read_last_words(mut errors: ChildStderr) -> String {
         kept.drain(..excess);
     }
     let text = String::from_utf8_lossy(&kept);
-    let lines: Vec<&str> = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
+    let lines: Vec<&str> = text
+        .lines()
+        .map(str::trim_end)
+        .filter(|line| !line.is_empty())
+        .collect();
     lines[lines.len().saturating_sub(5)..].join("\n")
 }

@@ -15,7 +15,8 @@ pub(super) fn is_image(path: &Path) -> bool {
 
 /// Whether a file's name ends in one of these extensions, in whatever case.
 pub(super) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    path.extension().is_some_and(|found| extensions.iter().any(|e| found.eq_ignore_ascii_case(e)))
+    path.extension()
+        .is_some_and(|found| extensions.iter().any(|e| found.eq_ignore_ascii_case(e)))
 }
 
 /// Whether a location that does not exist is meant as a glob pattern.
@@ -32,7 +33,10 @@ pub(super) fn file_url(path: &Path) -> OsString {
 
 /// The pictures directly inside a folder, in natural order.
 pub(super) fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
-    let io = |error| SourceError::Io { path: folder.to_path_buf(), error };
+    let io = |error| SourceError::Io {
+        path: folder.to_path_buf(),
+        error,
+    };
     let mut files = Vec::new();
     let mut folders = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(io)? {
@@ -58,11 +62,17 @@ pub(super) fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
 pub(super) fn matching(pattern: &str) -> Result<Vec<PathBuf>, SourceError> {
     let wrong = |error: glob::PatternError| SourceError::Format {
         input: pattern.into(),
-        reason: format!("expected a glob pattern, found at character {}: {}", error.pos, error.msg),
+        reason: format!(
+            "expected a glob pattern, found at character {}: {}",
+            error.pos, error.msg
+        ),
     };
     let mut files = Vec::new();
     for path in glob::glob(pattern).map_err(wrong)? {
-        let path = path.map_err(|e| SourceError::Io { path: e.path().into(), error: e.into() })?;
+        let path = path.map_err(|e| SourceError::Io {
+            path: e.path().into(),
+            error: e.into(),
+        })?;
         if is_image(&path) && !path.is_dir() {
             files.push(path);
         }
@@ -77,7 +87,10 @@ pub(super) fn matching(pattern: &str) -> Result<Vec<PathBuf>, SourceError> {
 fn nothing(input: String, hint: String) -> SourceError {
     SourceError::Empty {
         input,
-        reason: format!("expected pictures ({}), found none{hint}", IMAGES.join(", ")),
+        reason: format!(
+            "expected pictures ({}), found none{hint}",
+            IMAGES.join(", ")
+        ),
     }
 }
 
@@ -148,8 +161,16 @@ mod tests {
             "img10.png",
         ];
         for pair in ordered.windows(2) {
-            assert_eq!(natural(Path::new(pair[0]), Path::new(pair[1])), Ordering::Less, "{pair:?}");
-            assert_eq!(natural(Path::new(pair[1]), Path::new(pair[0])), Ordering::Greater, "{pair:?}");
+            assert_eq!(
+                natural(Path::new(pair[0]), Path::new(pair[1])),
+                Ordering::Less,
+                "{pair:?}"
+            );
+            assert_eq!(
+                natural(Path::new(pair[1]), Path::new(pair[0])),
+                Ordering::Greater,
+                "{pair:?}"
+            );
         }
     }
 

@@ -20,14 +20,21 @@ pub(super) fn read_line(reader: &mut impl Read) -> Result<Option<String>, String
     let mut byte = [0];
     loop {
         match reader.read_exact(&mut byte) {
-            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => match line.is_empty() {
-                true => return Ok(None),
-                false => {
-                    return Err(format!("the header ends after {} bytes, expected a newline", line.len()));
+            Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
+                match line.is_empty() {
+                    true => return Ok(None),
+                    false => {
+                        return Err(format!(
+                            "the header ends after {} bytes, expected a newline",
+                            line.len()
+                        ));
+                    }
                 }
-            },
+            }
             Err(error) => return Err(error.to_string()),
-            Ok(()) if byte[0] == b'\n' => return Ok(Some(String::from_utf8_lossy(&line).into_owned())),
+            Ok(()) if byte[0] == b'\n' => {
+                return Ok(Some(String::from_utf8_lossy(&line).into_owned()));
+            }
             Ok(()) if line.len() == MAX_LINE => {
                 return Err(format!("a header line of more than {MAX_LINE} bytes"));
             }
@@ -52,7 +59,9 @@ pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
                     "444" => PixelFormat::Yuv444p,
                     "mono" => PixelFormat::Gray,
                     _ => {
-                        return Err(format!("y4m color space {value}, expected 8-bit 420, 422, 444 or mono"));
+                        return Err(format!(
+                            "y4m color space {value}, expected 8-bit 420, 422, 444 or mono"
+                        ));
                     }
                 }
             }
@@ -63,7 +72,14 @@ pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
     let (Some(width), Some(height)) = (width, height) else {
         return Err("the y4m header lacks W or H".into());
     };
-    Ok(Layout { raw: RawFormat { width, height, pixels }, range })
+    Ok(Layout {
+        raw: RawFormat {
+            width,
+            height,
+            pixels,
+        },
+        range,
+    })
 }
 
 /// Reads the rest of a PPM header: what follows `P6`, up to the byte before the pixels.
@@ -74,10 +90,14 @@ pub(super) fn read_ppm(reader: &mut impl Read) -> Result<Layout, String> {
         let mut digits = String::new();
         loop {
             let mut byte = [0];
-            reader.read_exact(&mut byte).map_err(|_| "the PPM header is cut short".to_string())?;
+            reader
+                .read_exact(&mut byte)
+                .map_err(|_| "the PPM header is cut short".to_string())?;
             length += 1;
             match byte[0] {
-                _ if length > MAX_LINE => return Err(format!("a PPM header of more than {MAX_LINE} bytes")),
+                _ if length > MAX_LINE => {
+                    return Err(format!("a PPM header of more than {MAX_LINE} bytes"));
+                }
                 b'#' if digits.is_empty() => {
                     read_line(reader)?;
                 }
@@ -93,11 +113,19 @@ pub(super) fn read_ppm(reader: &mut impl Read) -> Result<Layout, String> {
     if depth != 255 {
         return Err(format!("PPM maximum {depth}, expected 255"));
     }
-    Ok(Layout { raw: RawFormat { width, height, pixels: PixelFormat::Rgb24 }, range: Range::Full })
+    Ok(Layout {
+        raw: RawFormat {
+            width,
+            height,
+            pixels: PixelFormat::Rgb24,
+        },
+        range: Range::Full,
+    })
 }
 
 fn side(text: &str) -> Result<usize, String> {
-    text.parse().map_err(|_| format!("{text:?} in the header, expected a number of pixels"))
+    text.parse()
+        .map_err(|_| format!("{text:?} in the header, expected a number of pixels"))
 }
 
 #[cfg(test)]
@@ -107,7 +135,10 @@ mod tests {
     #[test]
     fn reads_y4m_headers() {
         for (header, expected) in [
-            (" W640 H360 F30:1 Ip A1:1 C420jpeg XYSCSS=420JPEG", Ok((640, 360, PixelFormat::Yuv420p))),
+            (
+                " W640 H360 F30:1 Ip A1:1 C420jpeg XYSCSS=420JPEG",
+                Ok((640, 360, PixelFormat::Yuv420p)),
+            ),
             (" H2 W4", Ok((4, 2, PixelFormat::Yuv420p))),
             (" W4 H2 Cmono", Ok((4, 2, PixelFormat::Gray))),
             (" W4 H2 C422", Ok((4, 2, PixelFormat::Yuv422p))),
@@ -122,13 +153,24 @@ mod tests {
         ] {
             match (parse_y4m(header), expected) {
                 (Ok(found), Ok((width, height, pixels))) => {
-                    assert_eq!(found.raw, RawFormat { width, height, pixels }, "{header}");
+                    assert_eq!(
+                        found.raw,
+                        RawFormat {
+                            width,
+                            height,
+                            pixels
+                        },
+                        "{header}"
+                    );
                 }
                 (Err(message), Err(part)) => assert!(message.contains(part), "{header}: {message}"),
                 (found, _) => panic!("{header}: {found:?}"),
             }
         }
-        assert_eq!(parse_y4m(" W4 H2 XCOLORRANGE=FULL").unwrap().range, Range::Full);
+        assert_eq!(
+            parse_y4m(" W4 H2 XCOLORRANGE=FULL").unwrap().range,
+            Range::Full
+        );
     }
 
     #[test]
@@ -142,20 +184,37 @@ mod tests {
             ("\n99999999999999999999999 1 255\n", Err("99999")),
         ] {
             match (read_ppm(&mut header.as_bytes()), expected) {
-                (Ok(found), Ok(size)) => assert_eq!((found.raw.width, found.raw.height), size, "{header}"),
+                (Ok(found), Ok(size)) => {
+                    assert_eq!((found.raw.width, found.raw.height), size, "{header}")
+                }
                 (Err(message), Err(part)) => assert!(message.contains(part), "{header}: {message}"),
                 (found, _) => panic!("{header}: {found:?}"),
             }
         }
         let endless = " ".repeat(MAX_LINE + 1);
-        assert!(read_ppm(&mut endless.as_bytes()).unwrap_err().contains("more than"));
+        assert!(
+            read_ppm(&mut endless.as_bytes())
+                .unwrap_err()
+                .contains("more than")
+        );
     }
 
     #[test]
     fn lines_are_bounded() {
-        assert_eq!(read_line(&mut &b"FRAME\nx"[..]).unwrap().as_deref(), Some("FRAME"));
+        assert_eq!(
+            read_line(&mut &b"FRAME\nx"[..]).unwrap().as_deref(),
+            Some("FRAME")
+        );
         assert_eq!(read_line(&mut &b""[..]).unwrap(), None);
-        assert!(read_line(&mut &b"FRA"[..]).unwrap_err().contains("after 3 bytes"));
-        assert!(read_line(&mut &vec![b'x'; MAX_LINE + 1][..]).unwrap_err().contains("more than"));
+        assert!(
+            read_line(&mut &b"FRA"[..])
+                .unwrap_err()
+                .contains("after 3 bytes")
+        );
+        assert!(
+            read_line(&mut &vec![b'x'; MAX_LINE + 1][..])
+                .unwrap_err()
+                .contains("more than")
+        );
     }
 }

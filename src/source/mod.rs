@@ -62,7 +62,12 @@ pub struct Input {
 impl Input {
     /// All frames of `location`, which describes itself.
     pub fn new(location: impl Into<PathBuf>) -> Input {
-        Input { location: location.into(), raw: None, start: 0, end: None }
+        Input {
+            location: location.into(),
+            raw: None,
+            start: 0,
+            end: None,
+        }
     }
 }
 
@@ -103,7 +108,13 @@ impl Image {
                 ChannelOrder::Rgb
             }
         };
-        Ok(Image { data: buffer, width: raw.width, height: raw.height, order, name: None })
+        Ok(Image {
+            data: buffer,
+            width: raw.width,
+            height: raw.height,
+            order,
+            name: None,
+        })
     }
 
     /// The picture as the tracker wants it.
@@ -143,12 +154,24 @@ impl Source {
     pub fn open(input: &Input) -> Result<Source, SourceError> {
         let label = input.location.display().to_string();
         if let Some(end) = input.end.filter(|&end| end <= input.start) {
-            let reason = format!("frames {}..{end} are none, expected an end behind the start", input.start);
-            return Err(SourceError::Format { input: label, reason });
+            let reason = format!(
+                "frames {}..{end} are none, expected an end behind the start",
+                input.start
+            );
+            return Err(SourceError::Format {
+                input: label,
+                reason,
+            });
         }
         let kind = open_kind(&input.location, &label, input.raw)?;
-        let mut source =
-            Source { kind, label, next: 0, start: input.start, end: input.end, spare: Vec::new() };
+        let mut source = Source {
+            kind,
+            label,
+            next: 0,
+            start: input.start,
+            end: input.end,
+            spare: Vec::new(),
+        };
         source.select_files()?;
         Ok(source)
     }
@@ -179,7 +202,9 @@ impl Source {
 
     /// Folders are cut to the frames wanted without opening a file.
     fn select_files(&mut self) -> Result<(), SourceError> {
-        let Kind::Files(files) = &mut self.kind else { return Ok(()) };
+        let Kind::Files(files) = &mut self.kind else {
+            return Ok(());
+        };
         let count = files.len();
         if self.start >= count {
             return Err(self.too_short(count));
@@ -194,14 +219,22 @@ impl Source {
     fn too_short(&self, count: usize) -> SourceError {
         let reason = match count {
             0 => "no frame in it".into(),
-            _ => format!("{count} frames in it, expected more than {} for the start asked for", self.start),
+            _ => format!(
+                "{count} frames in it, expected more than {} for the start asked for",
+                self.start
+            ),
         };
-        SourceError::Empty { input: self.label.clone(), reason }
+        SourceError::Empty {
+            input: self.label.clone(),
+            reason,
+        }
     }
 
     /// The stream's next wanted frame; its end if there is none.
     fn next_of_stream(&mut self) -> Result<Option<Image>, SourceError> {
-        let Kind::Stream(stream) = &mut self.kind else { return Ok(None) };
+        let Kind::Stream(stream) = &mut self.kind else {
+            return Ok(None);
+        };
         while self.next < self.start {
             if !stream.skip()? {
                 return Err(self.too_short(self.next));
@@ -246,14 +279,20 @@ fn open_kind(location: &Path, label: &str, raw: Option<RawFormat>) -> Result<Kin
         return Ok(Kind::Stream(Box::new(stream)));
     }
     if location.to_str().is_some_and(|text| text.contains("://")) {
-        return Ok(Kind::Stream(Box::new(Stream::from_ffmpeg(location.as_os_str(), label)?)));
+        return Ok(Kind::Stream(Box::new(Stream::from_ffmpeg(
+            location.as_os_str(),
+            label,
+        )?)));
     }
     let found = match std::fs::metadata(location) {
         Ok(found) => found,
         Err(error) => {
             return match location.to_str().filter(|text| files::is_pattern(text)) {
                 Some(pattern) => files::matching(pattern).map(|list| Kind::Files(list.into_iter())),
-                None => Err(SourceError::Io { path: location.into(), error }),
+                None => Err(SourceError::Io {
+                    path: location.into(),
+                    error,
+                }),
             };
         }
     };
@@ -269,7 +308,13 @@ fn open_kind(location: &Path, label: &str, raw: Option<RawFormat>) -> Result<Kin
             return Ok(Kind::Stream(Box::new(stream)));
         }
     }
-    let file = std::fs::File::open(location)
-        .map_err(|error| SourceError::Io { path: location.to_path_buf(), error })?;
-    Ok(Kind::Stream(Box::new(Stream::from_reader(Box::new(file), label, raw)?)))
+    let file = std::fs::File::open(location).map_err(|error| SourceError::Io {
+        path: location.to_path_buf(),
+        error,
+    })?;
+    Ok(Kind::Stream(Box::new(Stream::from_reader(
+        Box::new(file),
+        label,
+        raw,
+    )?)))
 }

@@ -48,7 +48,10 @@ impl PixelFormat {
 
     /// The format of this name, if there is one.
     pub fn from_name(name: &str) -> Option<PixelFormat> {
-        Self::NAMES.iter().find(|(n, _)| *n == name).map(|&(_, format)| format)
+        Self::NAMES
+            .iter()
+            .find(|(n, _)| *n == name)
+            .map(|&(_, format)| format)
     }
 }
 
@@ -80,7 +83,9 @@ impl RawFormat {
     pub fn frame_bytes(&self) -> Result<usize, String> {
         let (w, h, max) = (self.width, self.height, Frame::MAX_SIDE);
         if !(1..=max).contains(&w) || !(1..=max).contains(&h) {
-            return Err(format!("frames of {w}x{h} pixels, expected sides from 1 to {max}"));
+            return Err(format!(
+                "frames of {w}x{h} pixels, expected sides from 1 to {max}"
+            ));
         }
         let (w, h) = (w as u64, h as u64);
         let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
@@ -93,7 +98,9 @@ impl RawFormat {
         };
         // YUV becomes RGB, so that counts as well.
         if bytes.max(3 * w * h) > MAX_FRAME_BYTES {
-            return Err(format!("frames of {w}x{h} pixels, expected at most {MAX_FRAME_BYTES} bytes each"));
+            return Err(format!(
+                "frames of {w}x{h} pixels, expected at most {MAX_FRAME_BYTES} bytes each"
+            ));
         }
         Ok(bytes as usize)
     }
@@ -155,7 +162,11 @@ fn convert_row(
     chroma: impl Iterator<Item = (u8, u8)>,
     across: usize,
 ) {
-    for ((pixels, luma), (u, v)) in rgb.chunks_mut(3 * across).zip(luma.chunks(across)).zip(chroma) {
+    for ((pixels, luma), (u, v)) in rgb
+        .chunks_mut(3 * across)
+        .zip(luma.chunks(across))
+        .zip(chroma)
+    {
         for (pixel, &y) in pixels.chunks_exact_mut(3).zip(luma) {
             pixel.copy_from_slice(&matrix.rgb(y, u, v));
         }
@@ -175,10 +186,22 @@ struct Matrix {
 impl Matrix {
     fn bt601(range: Range) -> Matrix {
         match range {
-            Range::Limited => {
-                Matrix { black: 16, y: 298, red_v: 409, green_u: -100, green_v: -208, blue_u: 516 }
-            }
-            Range::Full => Matrix { black: 0, y: 256, red_v: 359, green_u: -88, green_v: -183, blue_u: 454 },
+            Range::Limited => Matrix {
+                black: 16,
+                y: 298,
+                red_v: 409,
+                green_u: -100,
+                green_v: -208,
+                blue_u: 516,
+            },
+            Range::Full => Matrix {
+                black: 0,
+                y: 256,
+                red_v: 359,
+                green_u: -88,
+                green_v: -183,
+                blue_u: 454,
+            },
         }
     }
 
@@ -186,8 +209,12 @@ impl Matrix {
     fn rgb(&self, y: u8, u: u8, v: u8) -> [u8; 3] {
         let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
         let y = self.y * (i32::from(y) - self.black) + 128;
-        [y + self.red_v * v, y + self.green_u * u + self.green_v * v, y + self.blue_u * u]
-            .map(|sum| (sum >> 8).clamp(0, 255) as u8)
+        [
+            y + self.red_v * v,
+            y + self.green_u * u + self.green_v * v,
+            y + self.blue_u * u,
+        ]
+        .map(|sum| (sum >> 8).clamp(0, 255) as u8)
     }
 }
 
@@ -196,7 +223,11 @@ mod tests {
     use super::*;
 
     fn convert(width: usize, height: usize, pixels: PixelFormat, bytes: &[u8]) -> Vec<u8> {
-        let raw = RawFormat { width, height, pixels };
+        let raw = RawFormat {
+            width,
+            height,
+            pixels,
+        };
         assert_eq!(raw.frame_bytes().unwrap(), bytes.len());
         let mut rgb = vec![0; 3 * width * height];
         raw.yuv_to_rgb(Range::Limited, bytes, &mut rgb);
@@ -218,7 +249,10 @@ mod tests {
         ] {
             let found = Matrix::bt601(Range::Limited).rgb(yuv[0], yuv[1], yuv[2]);
             for (found, expected) in found.into_iter().zip(rgb) {
-                assert!(i32::from(found).abs_diff(expected) <= 2, "{yuv:?}: {found} for {expected}");
+                assert!(
+                    i32::from(found).abs_diff(expected) <= 2,
+                    "{yuv:?}: {found} for {expected}"
+                );
             }
         }
         assert_eq!(Matrix::bt601(Range::Full).rgb(77, 128, 128), [77; 3]);
@@ -232,12 +266,18 @@ mod tests {
         let (u, v) = ([100, 140, 90, 120, 150, 80], [90, 150, 120, 200, 60, 110]); // 3x2
         let at = |plane: &[u8; 6], x: usize, y: usize| plane[y / 2 * 3 + x / 2];
         let plane = |p: &[u8; 6], step: usize| -> Vec<u8> {
-            (0..h).flat_map(|y| (0..w).step_by(step).map(move |x| (x, y))).map(|(x, y)| at(p, x, y)).collect()
+            (0..h)
+                .flat_map(|y| (0..w).step_by(step).map(move |x| (x, y)))
+                .map(|(x, y)| at(p, x, y))
+                .collect()
         };
         let yuv420: Vec<u8> = luma.iter().chain(&u).chain(&v).copied().collect();
         let expected = convert(w, h, PixelFormat::Yuv420p, &yuv420);
-        let nv12: Vec<u8> =
-            luma.iter().copied().chain(u.iter().zip(&v).flat_map(|(&u, &v)| [u, v])).collect();
+        let nv12: Vec<u8> = luma
+            .iter()
+            .copied()
+            .chain(u.iter().zip(&v).flat_map(|(&u, &v)| [u, v]))
+            .collect();
         assert_eq!(convert(w, h, PixelFormat::Nv12, &nv12), expected);
         for (format, step) in [(PixelFormat::Yuv422p, 2), (PixelFormat::Yuv444p, 1)] {
             let bytes = [luma.clone(), plane(&u, step), plane(&v, step)].concat();
@@ -251,13 +291,20 @@ mod tests {
             }
         }
         assert_eq!(convert(w, h, PixelFormat::Yuyv422, &yuyv), expected);
-        assert_eq!(&expected[..3], &Matrix::bt601(Range::Limited).rgb(40, 100, 90));
+        assert_eq!(
+            &expected[..3],
+            &Matrix::bt601(Range::Limited).rgb(40, 100, 90)
+        );
     }
 
     #[test]
     fn one_pixel_in_every_layout() {
         for (name, pixels) in PixelFormat::NAMES {
-            let raw = RawFormat { width: 1, height: 1, pixels };
+            let raw = RawFormat {
+                width: 1,
+                height: 1,
+                pixels,
+            };
             let bytes = vec![128; raw.frame_bytes().unwrap()];
             if raw.ready().is_none() {
                 assert_eq!(convert(1, 1, pixels, &bytes), [130; 3], "{name}");
@@ -267,8 +314,16 @@ mod tests {
 
     #[test]
     fn sizes_are_bounded() {
-        for (width, height, part) in [(0, 5, "0x5"), (5, 1 << 16, "5x65536"), (1 << 15, 1 << 15, "at most")] {
-            let raw = RawFormat { width, height, pixels: PixelFormat::Yuv420p };
+        for (width, height, part) in [
+            (0, 5, "0x5"),
+            (5, 1 << 16, "5x65536"),
+            (1 << 15, 1 << 15, "at most"),
+        ] {
+            let raw = RawFormat {
+                width,
+                height,
+                pixels: PixelFormat::Yuv420p,
+            };
             let message = raw.frame_bytes().unwrap_err();
             assert!(message.contains(part), "{message}");
         }

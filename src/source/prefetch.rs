@@ -24,7 +24,13 @@ impl Prefetch {
         let (sender, images) = sync_channel(depth.max(1));
         let (spent, returned) = channel();
         let worker = std::thread::spawn(move || run(source, &sender, &returned));
-        Prefetch { images: Some(images), spent, worker: Some(worker), stopper, label }
+        Prefetch {
+            images: Some(images),
+            spent,
+            worker: Some(worker),
+            stopper,
+            label,
+        }
     }
 
     /// Gives a picture's buffer back for one of the next pictures.
@@ -33,7 +39,11 @@ impl Prefetch {
     }
 }
 
-fn run(mut source: Source, images: &SyncSender<Result<Image, SourceError>>, returned: &Receiver<Image>) {
+fn run(
+    mut source: Source,
+    images: &SyncSender<Result<Image, SourceError>>,
+    returned: &Receiver<Image>,
+) {
     while let Some(image) = source.next() {
         if images.send(image).is_err() {
             return;
@@ -55,7 +65,10 @@ impl Iterator for Prefetch {
         self.images = None;
         self.worker.take()?.join().err().map(|_| {
             let reason = "the decoder failed on this frame".into();
-            Err(SourceError::Decode { path: self.label.clone().into(), reason })
+            Err(SourceError::Decode {
+                path: self.label.clone().into(),
+                reason,
+            })
         })
     }
 }

@@ -41,9 +41,15 @@ impl Stream {
     ) -> Result<Stream, SourceError> {
         let mut stream = Stream::new(reader, label);
         let described = match raw {
-            Some(raw) => {
-                raw.frame_bytes().map(|_| (Container::Raw, Some(Layout { raw, range: Range::Limited })))
-            }
+            Some(raw) => raw.frame_bytes().map(|_| {
+                (
+                    Container::Raw,
+                    Some(Layout {
+                        raw,
+                        range: Range::Limited,
+                    }),
+                )
+            }),
             None => stream.recognize(),
         };
         (stream.container, stream.layout) = described.map_err(|reason| stream.wrong(reason))?;
@@ -56,7 +62,10 @@ impl Stream {
     }
 
     fn from_program(program: &OsStr, location: &OsStr, label: &str) -> Result<Stream, SourceError> {
-        let wrong = |reason| SourceError::Ffmpeg { input: label.to_string(), reason };
+        let wrong = |reason| SourceError::Ffmpeg {
+            input: label.to_string(),
+            reason,
+        };
         let (decoder, pipe) = Ffmpeg::decode(program, location).map_err(wrong)?;
         let mut stream = Stream::new(Box::new(pipe), label);
         stream.decoder = Some(decoder);
@@ -107,14 +116,20 @@ impl Stream {
             (Err(reason), decoder) => decoder.map(|decoder| decoder.abort(reason)),
         };
         if let Some(reason) = failure {
-            return Err(SourceError::Ffmpeg { input: self.label.clone(), reason });
+            return Err(SourceError::Ffmpeg {
+                input: self.label.clone(),
+                reason,
+            });
         }
         self.frame += 1;
         image.map_err(|reason| self.wrong(reason))
     }
 
     fn wrong(&self, reason: String) -> SourceError {
-        SourceError::Format { input: self.label.clone(), reason }
+        SourceError::Format {
+            input: self.label.clone(),
+            reason,
+        }
     }
 
     /// Container and layout from the first bytes.
@@ -128,8 +143,9 @@ impl Stream {
             }
             b"YU" => {
                 let line = read_line(&mut self.reader)?.unwrap_or_default();
-                let parameters =
-                    line.strip_prefix("V4MPEG2").ok_or("expected a y4m header: YUV4MPEG2 ...")?;
+                let parameters = line
+                    .strip_prefix("V4MPEG2")
+                    .ok_or("expected a y4m header: YUV4MPEG2 ...")?;
                 let layout = parse_y4m(parameters)?;
                 layout.raw.frame_bytes()?;
                 Ok((Container::Y4m, Some(layout)))
@@ -162,7 +178,9 @@ impl Stream {
                         2 if &signature == b"P6" => {}
                         found => {
                             let found = &signature[..found];
-                            return Err(self.in_frame(&format!("starts with {found:02x?}, expected P6")));
+                            return Err(
+                                self.in_frame(&format!("starts with {found:02x?}, expected P6"))
+                            );
                         }
                     }
                 }
@@ -183,7 +201,11 @@ impl Stream {
             Some(buffer) => (buffer, true),
             None => (Vec::new(), false),
         };
-        let payload = if wanted && order.is_some() { &mut data } else { &mut self.payload };
+        let payload = if wanted && order.is_some() {
+            &mut data
+        } else {
+            &mut self.payload
+        };
         payload.resize(expected, 0);
         let found = read_full(&mut self.reader, payload)?;
         if found == 0 && self.container == Container::Raw {
@@ -198,10 +220,18 @@ impl Stream {
         let RawFormat { width, height, .. } = layout.raw;
         if order.is_none() {
             data.resize(3 * width * height, 0);
-            layout.raw.yuv_to_rgb(layout.range, &self.payload, &mut data);
+            layout
+                .raw
+                .yuv_to_rgb(layout.range, &self.payload, &mut data);
         }
         let order = order.unwrap_or(ChannelOrder::Rgb);
-        Ok(Some(Some(Image { data, width, height, order, name: None })))
+        Ok(Some(Some(Image {
+            data,
+            width,
+            height,
+            order,
+            name: None,
+        })))
     }
 
     fn in_frame(&self, what: &str) -> String {
@@ -234,13 +264,23 @@ mod tests {
 
     #[test]
     fn raw_frames_and_a_truncated_one() {
-        let raw = RawFormat { width: 2, height: 2, pixels: PixelFormat::Bgr24 };
+        let raw = RawFormat {
+            width: 2,
+            height: 2,
+            pixels: PixelFormat::Bgr24,
+        };
         let mut stream = open((0..30).collect(), Some(raw)).unwrap();
         assert!(stream.skip().unwrap());
         let image = stream.next(vec![7; 99]).unwrap().unwrap();
-        assert_eq!((image.data, image.order), ((12..24).collect(), ChannelOrder::Bgr));
+        assert_eq!(
+            (image.data, image.order),
+            ((12..24).collect(), ChannelOrder::Bgr)
+        );
         let message = stream.next(Vec::new()).unwrap_err().to_string();
-        assert!(message.contains("frame 2 ends after 6 of 12 bytes"), "{message}");
+        assert!(
+            message.contains("frame 2 ends after 6 of 12 bytes"),
+            "{message}"
+        );
         let mut whole = open(vec![0; 24], Some(raw)).unwrap();
         assert!(whole.next(Vec::new()).unwrap().is_some() && whole.skip().unwrap());
         assert!(whole.next(Vec::new()).unwrap().is_none());
@@ -252,7 +292,10 @@ mod tests {
         let mut stream = open(bytes, None).unwrap();
         assert_eq!(stream.next(Vec::new()).unwrap().unwrap().data, b"abcd");
         let second = stream.next(Vec::new()).unwrap().unwrap();
-        assert_eq!((second.data.as_slice(), second.order), (&b"efgh"[..], ChannelOrder::Gray));
+        assert_eq!(
+            (second.data.as_slice(), second.order),
+            (&b"efgh"[..], ChannelOrder::Gray)
+        );
         assert!(stream.next(Vec::new()).unwrap().is_none());
     }
 
@@ -314,15 +357,28 @@ mod tests {
                 1,
                 Some("frame 1 ends after 1 of 3 bytes:\nwhy"),
             ),
-            (format!("{frame}while :; do echo junk; done"), 1, Some("expected P6")),
-            (format!("{frame}seq 1 100000 >&2; exit 1"), 1, Some("\n99999\n100000")),
+            (
+                format!("{frame}while :; do echo junk; done"),
+                1,
+                Some("expected P6"),
+            ),
+            (
+                format!("{frame}seq 1 100000 >&2; exit 1"),
+                1,
+                Some("\n99999\n100000"),
+            ),
         ] {
             std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
             std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
             let mut stream =
-                Stream::from_program(program.as_os_str(), OsStr::new("clip.mp4"), "clip.mp4").unwrap();
+                Stream::from_program(program.as_os_str(), OsStr::new("clip.mp4"), "clip.mp4")
+                    .unwrap();
             for _ in 0..frames {
-                assert_eq!(stream.next(Vec::new()).unwrap().unwrap().data, b"abc", "{script}");
+                assert_eq!(
+                    stream.next(Vec::new()).unwrap().unwrap().data,
+                    b"abc",
+                    "{script}"
+                );
             }
             match (stream.next(Vec::new()), part) {
                 (Ok(None), None) => {}
@@ -339,6 +395,11 @@ mod tests {
         }
         std::fs::remove_file(&program).unwrap();
         let missing = Stream::from_program(program.as_os_str(), OsStr::new("a"), "a").map(|_| ());
-        assert!(missing.unwrap_err().to_string().contains("not found: install it"));
+        assert!(
+            missing
+                .unwrap_err()
+                .to_string()
+                .contains("not found: install it")
+        );
     }
 }

@@ -14,7 +14,10 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     if found.exists() {
         return Some(found);
     }
-    eprintln!("SKIPPED: {} is not here (set TRACK_CPU_SHARED to the reference data)", found.display());
+    eprintln!(
+        "SKIPPED: {} is not here (set TRACK_CPU_SHARED to the reference data)",
+        found.display()
+    );
     None
 }
 
@@ -22,7 +25,12 @@ pub fn shared(path: &str) -> Option<PathBuf> {
 pub fn read_tensors(path: &std::path::Path) -> Vec<(String, Vec<usize>, Vec<f32>)> {
     let bytes = std::fs::read(path).unwrap();
     let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
-    let floats =
-        |data: &[u8]| data.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
-    file.iter().map(|(name, view)| (name.to_string(), view.shape().to_vec(), floats(view.data()))).collect()
+    let floats = |data: &[u8]| {
+        data.chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect()
+    };
+    file.iter()
+        .map(|(name, view)| (name.to_string(), view.shape().to_vec(), floats(view.data())))
+        .collect()
 }

@@ -58,7 +58,12 @@ pub fn folder(name: &str) -> PathBuf {
 
 /// The first frames of a rendered flight in RGB, and the object's box in the first as `--init` takes it.
 pub fn flight(frames: usize) -> (Vec<Vec<u8>>, String) {
-    let config = FlightConfig { width: SIZE.0, height: SIZE.1, frames: 60, ..FlightConfig::default() };
+    let config = FlightConfig {
+        width: SIZE.0,
+        height: SIZE.1,
+        frames: 60,
+        ..FlightConfig::default()
+    };
     let flight = Flight::new(config);
     let mut buffer = FrameBuffer::default();
     let mut init = String::new();

@@ -27,7 +27,13 @@ impl Widths {
 
     /// Given backbone widths, one width for neck and head.
     pub const fn uniform(backbone: [usize; 5], n: usize) -> Widths {
-        Widths { backbone, neck_cls: n, neck_reg: n, head_cls: [n; 3], head_reg: [n; 3] }
+        Widths {
+            backbone,
+            neck_cls: n,
+            neck_reg: n,
+            head_cls: [n; 3],
+            head_reg: [n; 3],
+        }
     }
 
     /// [`Widths::FULL`] after pruning every layer with one global `ratio` in `[0, 1)`: `floor(C * (1 - ratio))`.
@@ -40,7 +46,9 @@ impl Widths {
 
     /// The ratio `r` of 0.0, 0.1 .. 0.9 for which these widths are [`Widths::pruned(r)`](Widths::pruned), if any.
     pub fn pruning_ratio(&self) -> Option<f64> {
-        (0..10).map(|tenths| f64::from(tenths) / 10.0).find(|&r| Widths::pruned(r) == *self)
+        (0..10)
+            .map(|tenths| f64::from(tenths) / 10.0)
+            .find(|&r| Widths::pruned(r) == *self)
     }
 
     /// Every width in the order of the file: backbone, neck, classification tower, regression tower.
@@ -174,13 +182,19 @@ impl Layer {
         if self.kind != LayerKind::Conv {
             return 0;
         }
-        let per_output = self.in_channels * self.kernel * self.kernel + 1 + 2 * usize::from(self.bn);
+        let per_output =
+            self.in_channels * self.kernel * self.kernel + 1 + 2 * usize::from(self.bn);
         per_output * self.out_channels
     }
 
     /// Shape of `<name>.weight`: `[Cout, kh, kw, Cin]` (OHWI).
     pub fn weight_shape(&self) -> [usize; 4] {
-        [self.out_channels, self.kernel, self.kernel, self.in_channels]
+        [
+            self.out_channels,
+            self.kernel,
+            self.kernel,
+            self.in_channels,
+        ]
     }
 
     /// Multiply-accumulates on the template crop, all runs.
@@ -223,7 +237,12 @@ impl Architecture {
 
     /// DR-MIM's geometry (template 127, search 303) with the given widths and encoder.
     pub const fn new(widths: Widths, encoder: Option<Encoder>) -> Architecture {
-        Architecture { widths, encoder, template_size: 127, search_size: 303 }
+        Architecture {
+            widths,
+            encoder,
+            template_size: 127,
+            search_size: 303,
+        }
     }
 
     /// Product of all strides.
@@ -235,7 +254,11 @@ impl Architecture {
     /// Names the first field that is out of range.
     pub fn check(&self) -> Result<(), ArchitectureError> {
         let wrong = |field: &str, found: &dyn ToString, expected: String| {
-            Err(ArchitectureError { field: field.into(), found: found.to_string(), expected })
+            Err(ArchitectureError {
+                field: field.into(),
+                found: found.to_string(),
+                expected,
+            })
         };
         let width = format!("1..={}", Self::MAX_WIDTH);
         for (i, w) in self.widths.all().into_iter().enumerate() {
@@ -260,9 +283,15 @@ impl Architecture {
             if !(1..=Self::MAX_WIDTH).contains(&e.width) {
                 return wrong("encoder.width", &e.width, width);
             }
-            if e.position == EncoderPosition::AfterNeck && self.widths.neck_cls != self.widths.neck_reg {
+            if e.position == EncoderPosition::AfterNeck
+                && self.widths.neck_cls != self.widths.neck_reg
+            {
                 let found = format!("{} and {}", self.widths.neck_cls, self.widths.neck_reg);
-                return wrong("neck widths", &found, "equal, for an encoder after the neck".into());
+                return wrong(
+                    "neck widths",
+                    &found,
+                    "equal, for an encoder after the neck".into(),
+                );
             }
         }
         // The towers shrink the response by 6; sizes only ever shrink, so the last one tells.
@@ -276,7 +305,10 @@ impl Architecture {
 
     /// Side of the square score map.
     pub fn score_size(&self) -> usize {
-        self.layers().last().expect("an architecture has layers").out_search
+        self.layers()
+            .last()
+            .expect("an architecture has layers")
+            .out_search
     }
 
     /// Crop pixel of the first score cell's center, in both directions (spec section 2.4).
@@ -289,7 +321,10 @@ impl Architecture {
     /// Expects an architecture that passed [`check`](Self::check).
     pub fn layers(&self) -> Vec<Layer> {
         let w = &self.widths;
-        let (z, x) = (backbone_sides(self.template_size), backbone_sides(self.search_size));
+        let (z, x) = (
+            backbone_sides(self.template_size),
+            backbone_sides(self.search_size),
+        );
         let mut layers = Vec::with_capacity(24);
         let conv = |name: &str,
                     branch,
@@ -317,28 +352,86 @@ impl Architecture {
         let pool = |name: &str, channels, oz, ox| Layer {
             kind: LayerKind::Pool,
             stride: 2,
-            ..conv(name, Branch::Both, (channels, channels), (3, 0), false, false, (oz, ox))
+            ..conv(
+                name,
+                Branch::Both,
+                (channels, channels),
+                (3, 0),
+                false,
+                false,
+                (oz, ox),
+            )
         };
         let correlation = |name: &str, channels, kernel, ox| Layer {
             kind: LayerKind::Correlation,
-            ..conv(name, Branch::Search, (channels, channels), (kernel, 0), false, false, (0, ox))
+            ..conv(
+                name,
+                Branch::Search,
+                (channels, channels),
+                (kernel, 0),
+                false,
+                false,
+                (0, ox),
+            )
         };
         let [c1, c2, c3, c4, c5] = w.backbone;
         use Branch::{Both, Search, Template};
         layers.push(Layer {
             stride: 2,
-            ..conv("backbone.conv1", Both, (3, c1), (11, 0), true, true, (z[0], x[0]))
+            ..conv(
+                "backbone.conv1",
+                Both,
+                (3, c1),
+                (11, 0),
+                true,
+                true,
+                (z[0], x[0]),
+            )
         });
         layers.push(pool("backbone.pool1", c1, z[1], x[1]));
-        layers.push(conv("backbone.conv2", Both, (c1, c2), (5, 0), true, true, (z[2], x[2])));
+        layers.push(conv(
+            "backbone.conv2",
+            Both,
+            (c1, c2),
+            (5, 0),
+            true,
+            true,
+            (z[2], x[2]),
+        ));
         layers.push(pool("backbone.pool2", c2, z[3], x[3]));
-        layers.push(conv("backbone.conv3", Both, (c2, c3), (3, 0), true, true, (z[4], x[4])));
-        layers.push(conv("backbone.conv4", Both, (c3, c4), (3, 0), true, true, (z[5], x[5])));
-        layers.push(conv("backbone.conv5", Both, (c4, c5), (3, 0), false, true, (z[6], x[6])));
+        layers.push(conv(
+            "backbone.conv3",
+            Both,
+            (c2, c3),
+            (3, 0),
+            true,
+            true,
+            (z[4], x[4]),
+        ));
+        layers.push(conv(
+            "backbone.conv4",
+            Both,
+            (c3, c4),
+            (3, 0),
+            true,
+            true,
+            (z[5], x[5]),
+        ));
+        layers.push(conv(
+            "backbone.conv5",
+            Both,
+            (c4, c5),
+            (3, 0),
+            false,
+            true,
+            (z[6], x[6]),
+        ));
         let (nz, nx) = (z[6] - 2, x[6] - 2);
 
         let encoder = |side: (usize, usize), input: usize, runs: usize| {
-            let Some(e) = self.encoder else { return Vec::new() };
+            let Some(e) = self.encoder else {
+                return Vec::new();
+            };
             let sides: &[(&str, Branch)] = if e.shared {
                 &[("dr.e2", Both)]
             } else {
@@ -353,7 +446,15 @@ impl Architecture {
                         if branch == Template { 0 } else { side.1 },
                     );
                     let io = ((cin, e.width), (e.kernel, e.kernel / 2));
-                    let layer = conv(&format!("{name}.{i}"), branch, io.0, io.1, e.relu, true, out);
+                    let layer = conv(
+                        &format!("{name}.{i}"),
+                        branch,
+                        io.0,
+                        io.1,
+                        e.relu,
+                        true,
+                        out,
+                    );
                     list.push(Layer { runs, ..layer });
                 }
             }
@@ -373,7 +474,15 @@ impl Architecture {
             ("neck.search_cls", Search, w.neck_cls, 0, nx),
             ("neck.search_reg", Search, w.neck_reg, 0, nx),
         ] {
-            layers.push(conv(name, branch, (neck_in, n), (3, 0), false, true, (oz, ox)));
+            layers.push(conv(
+                name,
+                branch,
+                (neck_in, n),
+                (3, 0),
+                false,
+                true,
+                (oz, ox),
+            ));
         }
         if after {
             layers.extend(encoder((nz, nx), w.neck_cls, 2));
@@ -388,7 +497,15 @@ impl Architecture {
             for (i, &n) in widths.iter().enumerate() {
                 let side = response - 2 * (i + 1);
                 let name = format!("head.{tower}{}", i + 1);
-                layers.push(conv(&name, Search, (cin, n), (3, 0), true, i == 2, (0, side)));
+                layers.push(conv(
+                    &name,
+                    Search,
+                    (cin, n),
+                    (3, 0),
+                    true,
+                    i == 2,
+                    (0, side),
+                ));
                 cin = n;
             }
         }
@@ -398,7 +515,15 @@ impl Architecture {
             ("head.centerness", w.head_cls[2], 1),
             ("head.offsets", w.head_reg[2], 4),
         ] {
-            layers.push(conv(name, Search, (cin, n), (1, 0), false, true, (0, score)));
+            layers.push(conv(
+                name,
+                Search,
+                (cin, n),
+                (1, 0),
+                false,
+                true,
+                (0, score),
+            ));
         }
         layers
     }
@@ -408,11 +533,17 @@ impl Architecture {
     ///
     /// Expects an architecture that passed [`check`](Self::check).
     pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
-        let convolutions = self.layers().into_iter().filter(|layer| layer.kind == LayerKind::Conv);
+        let convolutions = self
+            .layers()
+            .into_iter()
+            .filter(|layer| layer.kind == LayerKind::Conv);
         convolutions
             .flat_map(|layer| {
                 [
-                    (format!("{}.weight", layer.name), layer.weight_shape().to_vec()),
+                    (
+                        format!("{}.weight", layer.name),
+                        layer.weight_shape().to_vec(),
+                    ),
                     (format!("{}.bias", layer.name), vec![layer.out_channels]),
                 ]
             })
@@ -476,11 +607,20 @@ mod tests {
             let a = Architecture::new(Widths::pruned(ratio), None);
             a.check().unwrap();
             assert_eq!(a.parameters(), parameters, "ratio {ratio}");
-            assert!((a.macs_search() as f64 / 1e6 - search).abs() < 0.051, "ratio {ratio}");
-            assert!((a.macs_template() as f64 / 1e6 - template).abs() < 0.051, "ratio {ratio}");
+            assert!(
+                (a.macs_search() as f64 / 1e6 - search).abs() < 0.051,
+                "ratio {ratio}"
+            );
+            assert!(
+                (a.macs_template() as f64 / 1e6 - template).abs() < 0.051,
+                "ratio {ratio}"
+            );
         }
         let full = Architecture::new(Widths::FULL, None);
-        assert_eq!((full.macs_search(), full.macs_template()), (8_561_400_608, 729_439_008));
+        assert_eq!(
+            (full.macs_search(), full.macs_template()),
+            (8_561_400_608, 729_439_008)
+        );
     }
 
     #[test]
@@ -508,12 +648,22 @@ mod tests {
             (Encoder { kernel: 1, ..e }, 2_442_164, 2342.6),
             (e, 2_573_236, 2445.4),
             (Encoder { layers: 2, ..e }, 2_721_076, 2561.0),
-            (Encoder { position: after, ..e }, 2_573_236, 2529.2),
+            (
+                Encoder {
+                    position: after,
+                    ..e
+                },
+                2_573_236,
+                2529.2,
+            ),
         ] {
             let a = Architecture::new(half, Some(encoder));
             a.check().unwrap();
             assert_eq!(a.parameters(), parameters, "{encoder:?}");
-            assert!((a.macs_search() as f64 / 1e6 - search).abs() < 0.051, "{encoder:?}");
+            assert!(
+                (a.macs_search() as f64 / 1e6 - search).abs() < 0.051,
+                "{encoder:?}"
+            );
         }
     }
 
@@ -523,15 +673,29 @@ mod tests {
             let ratio = f64::from(tenths) / 10.0;
             assert_eq!(Widths::pruned(ratio).pruning_ratio(), Some(ratio));
         }
-        assert_eq!(Widths { neck_reg: 255, ..Widths::FULL }.pruning_ratio(), None);
+        assert_eq!(
+            Widths {
+                neck_reg: 255,
+                ..Widths::FULL
+            }
+            .pruning_ratio(),
+            None
+        );
     }
 
     #[test]
     fn tensors_hold_the_parameters_without_bn() {
         let a = Architecture::new(Widths::FULL, None);
-        let elements: usize = a.tensors().iter().map(|(_, shape)| shape.iter().product::<usize>()).sum();
+        let elements: usize = a
+            .tensors()
+            .iter()
+            .map(|(_, shape)| shape.iter().product::<usize>())
+            .sum();
         assert_eq!(elements, 9_645_602 - 2 + 3_942); // spec section 1.2: weights without si and bi, biases
-        assert_eq!(a.tensors()[0], ("backbone.conv1.weight".into(), vec![96, 11, 11, 3]));
+        assert_eq!(
+            a.tensors()[0],
+            ("backbone.conv1.weight".into(), vec![96, 11, 11, 3])
+        );
     }
 
     #[test]
@@ -539,12 +703,28 @@ mod tests {
         let a = Architecture::new(Widths::FULL, None);
         assert_eq!((a.score_size(), a.score_offset()), (17, 87));
         assert_eq!(a.score_offset() + 16 * Architecture::TOTAL_STRIDE, 215);
-        assert_eq!(Architecture { search_size: 335, ..a }.score_size(), 21);
+        assert_eq!(
+            Architecture {
+                search_size: 335,
+                ..a
+            }
+            .score_size(),
+            21
+        );
     }
 
     #[test]
     fn pools_in_ceil_mode() {
-        for (n, out) in [(3, 1), (4, 2), (5, 2), (6, 3), (59, 29), (147, 73), (69, 34), (25, 12)] {
+        for (n, out) in [
+            (3, 1),
+            (4, 2),
+            (5, 2),
+            (6, 3),
+            (59, 29),
+            (147, 73),
+            (69, 34),
+            (25, 12),
+        ] {
             assert_eq!(pool_side(n), out, "{n}");
         }
     }

@@ -36,7 +36,11 @@ impl Weights {
         let mut json = None;
         for (key, value) in metadata.metadata().iter().flatten() {
             if key != KEY {
-                return Err(ReadError::metadata(key, format!("no key but `{KEY}`"), "this one"));
+                return Err(ReadError::metadata(
+                    key,
+                    format!("no key but `{KEY}`"),
+                    "this one",
+                ));
             }
             json = Some(value);
         }
@@ -90,7 +94,11 @@ impl Weights {
 fn split(bytes: &[u8]) -> Result<(Metadata, &[u8]), ReadError> {
     let length = bytes.len() as u64;
     if length > MAX_FILE_BYTES {
-        return Err(ReadError::container("file", format!("at most {MAX_FILE_BYTES} bytes"), length));
+        return Err(ReadError::container(
+            "file",
+            format!("at most {MAX_FILE_BYTES} bytes"),
+            length,
+        ));
     }
     let Some((header, rest)) = bytes.split_first_chunk() else {
         return Err(ReadError::container("file", "at least 8 bytes", length));
@@ -98,7 +106,11 @@ fn split(bytes: &[u8]) -> Result<(Metadata, &[u8]), ReadError> {
     let header = u64::from_le_bytes(*header);
     let most = MAX_HEADER_BYTES.min(rest.len() as u64);
     if header > most {
-        return Err(ReadError::container("header length", format!("at most {most} bytes"), header));
+        return Err(ReadError::container(
+            "header length",
+            format!("at most {most} bytes"),
+            header,
+        ));
     }
     let (header, data) = rest.split_at(header as usize);
     let metadata: Metadata = serde_json::from_slice(header)
@@ -112,8 +124,18 @@ fn split(bytes: &[u8]) -> Result<(Metadata, &[u8]), ReadError> {
 
 fn decode(bytes: &[u8], dtype: Dtype) -> Vec<f32> {
     match dtype {
-        Dtype::F16 => bytes.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b).to_f32()).collect(),
-        _ => bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect(),
+        Dtype::F16 => bytes
+            .as_chunks()
+            .0
+            .iter()
+            .map(|&b| f16::from_le_bytes(b).to_f32())
+            .collect(),
+        _ => bytes
+            .as_chunks()
+            .0
+            .iter()
+            .map(|&b| f32::from_le_bytes(b))
+            .collect(),
     }
 }
 
@@ -133,15 +155,26 @@ impl<'a> Encoded<'a> {
                 for &value in &tensor.data {
                     let short = f16::from_f32(value);
                     if !short.is_finite() {
-                        return Err(WriteError::Overflow { name: name.into(), value });
+                        return Err(WriteError::Overflow {
+                            name: name.into(),
+                            value,
+                        });
                     }
                     bytes.extend(short.to_le_bytes());
                 }
                 bytes
             }
-            _ => tensor.data.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            _ => tensor
+                .data
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect(),
         };
-        Ok(Encoded { dtype, shape: &tensor.shape, bytes })
+        Ok(Encoded {
+            dtype,
+            shape: &tensor.shape,
+            bytes,
+        })
     }
 }
 

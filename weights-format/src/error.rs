@@ -53,16 +53,36 @@ pub enum ReadError {
 }
 
 impl ReadError {
-    pub(crate) fn container(part: &'static str, expected: impl ToString, found: impl ToString) -> ReadError {
-        ReadError::Container { part, expected: expected.to_string(), found: brief(found) }
+    pub(crate) fn container(
+        part: &'static str,
+        expected: impl ToString,
+        found: impl ToString,
+    ) -> ReadError {
+        ReadError::Container {
+            part,
+            expected: expected.to_string(),
+            found: brief(found),
+        }
     }
 
-    pub(crate) fn metadata(field: &str, expected: impl ToString, found: impl ToString) -> ReadError {
-        ReadError::Metadata { field: field.into(), expected: expected.to_string(), found: brief(found) }
+    pub(crate) fn metadata(
+        field: &str,
+        expected: impl ToString,
+        found: impl ToString,
+    ) -> ReadError {
+        ReadError::Metadata {
+            field: field.into(),
+            expected: expected.to_string(),
+            found: brief(found),
+        }
     }
 
     pub(crate) fn tensor(name: &str, expected: impl ToString, found: impl ToString) -> ReadError {
-        ReadError::Tensor { name: brief(name), expected: expected.to_string(), found: brief(found) }
+        ReadError::Tensor {
+            name: brief(name),
+            expected: expected.to_string(),
+            found: brief(found),
+        }
     }
 }
 
@@ -73,7 +93,9 @@ pub enum WriteError {
     #[error("refused to write: {0}")]
     Invalid(#[from] ReadError),
     /// A value is too large for the storage type.
-    #[error("refused to write: tensor {name:?}: {value} does not fit f16 (at most 65504); store as f32")]
+    #[error(
+        "refused to write: tensor {name:?}: {value} does not fit f16 (at most 65504); store as f32"
+    )]
     Overflow {
         /// The tensor.
         name: String,
@@ -94,8 +116,11 @@ pub enum WriteError {
 fn brief(text: impl ToString) -> String {
     const LONGEST: usize = 200;
     let text = text.to_string();
-    let mut short: String =
-        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    let mut short: String = text
+        .chars()
+        .take(LONGEST)
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect();
     if text.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }

@@ -19,7 +19,10 @@ impl Weights {
     /// # Errors
     /// Names the file and says, as [`from_bytes`](Self::from_bytes) does, what is wrong with it.
     pub fn read(path: &Path) -> Result<Weights, ReadError> {
-        let name = |error| ReadError::File { path: path.into(), error: Box::new(error) };
+        let name = |error| ReadError::File {
+            path: path.into(),
+            error: Box::new(error),
+        };
         let bytes = read_bounded(path, MAX_FILE_BYTES).map_err(name)?;
         Weights::from_bytes(&bytes).map_err(name)
     }
@@ -30,7 +33,10 @@ impl Weights {
     /// Those of [`to_bytes`](Self::to_bytes), and whatever the file system refuses.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         let bytes = self.to_bytes()?;
-        write_atomically(path, &bytes).map_err(|error| WriteError::Io { path: path.into(), error })
+        write_atomically(path, &bytes).map_err(|error| WriteError::Io {
+            path: path.into(),
+            error,
+        })
     }
 }
 
@@ -70,10 +76,17 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
 fn beside(path: &Path) -> io::Result<PathBuf> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let Some(name) = path.file_name() else {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not the name of a file"));
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "not the name of a file",
+        ));
     };
     let mut temporary = std::ffi::OsString::from(".");
     temporary.push(name);
-    temporary.push(format!(".{}.{}.tmp", process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
+    temporary.push(format!(
+        ".{}.{}.tmp",
+        process::id(),
+        COUNT.fetch_add(1, Ordering::Relaxed)
+    ));
     Ok(path.with_file_name(temporary))
 }

@@ -68,14 +68,21 @@ pub struct InputNormalization {
 
 impl Default for InputNormalization {
     fn default() -> InputNormalization {
-        InputNormalization { channel_order: ChannelOrder::Bgr, mean: [0.0; 3], std: [1.0; 3] }
+        InputNormalization {
+            channel_order: ChannelOrder::Bgr,
+            mean: [0.0; 3],
+            std: [1.0; 3],
+        }
     }
 }
 
 impl InputNormalization {
     /// What this project's trainer feeds its networks: pixels around 0, of a spread around 1.
-    pub const TRAINED: InputNormalization =
-        InputNormalization { channel_order: ChannelOrder::Bgr, mean: [114.0; 3], std: [58.0; 3] };
+    pub const TRAINED: InputNormalization = InputNormalization {
+        channel_order: ChannelOrder::Bgr,
+        mean: [114.0; 3],
+        std: [58.0; 3],
+    };
 
     /// Checks the bounds of FORMAT.md.
     pub(crate) fn check(&self) -> Result<(), ReadError> {
@@ -100,7 +107,10 @@ impl InputNormalization {
         let [mean, std] = [f64s(self.mean), f64s(self.std)];
         let [other_mean, other_std] = [f64s(other.mean), f64s(other.std)];
         let per_output = weight.len() / bias.len().max(1);
-        assert!(per_output.is_multiple_of(3), "a first convolution has three input channels");
+        assert!(
+            per_output.is_multiple_of(3),
+            "a first convolution has three input channels"
+        );
         for (weight, bias) in weight.chunks_exact_mut(per_output.max(1)).zip(bias) {
             let mut shift = 0.0;
             for (i, weight) in weight.iter_mut().enumerate() {
@@ -263,12 +273,24 @@ impl Header {
     pub(crate) fn from_json(json: &str) -> Result<Header, ReadError> {
         let version: Version = parse("format_version", &FORMAT_VERSION.to_string(), json)?;
         if version.format_version != FORMAT_VERSION {
-            return Err(ReadError::metadata("format_version", FORMAT_VERSION, version.format_version));
+            return Err(ReadError::metadata(
+                "format_version",
+                FORMAT_VERSION,
+                version.format_version,
+            ));
         }
-        let found: Found = parse("track-cpu", "an object with exactly the fields of FORMAT.md", json)?;
+        let found: Found = parse(
+            "track-cpu",
+            "an object with exactly the fields of FORMAT.md",
+            json,
+        )?;
         let header = Header {
             architecture: parse("architecture", "an architecture", found.architecture.get())?,
-            pruning_ratio: parse("pruning_ratio", "a number or null", found.pruning_ratio.get())?,
+            pruning_ratio: parse(
+                "pruning_ratio",
+                "a number or null",
+                found.pruning_ratio.get(),
+            )?,
             input: parse("input", "an input normalization", found.input.get())?,
             tracker: parse("tracker", "tracker parameters", found.tracker.get())?,
             storage: parse("storage", "\"f32\" or \"f16\"", found.storage.get())?,
@@ -288,23 +310,46 @@ impl Header {
     /// Names the first field that is out of range.
     pub fn check(&self) -> Result<(), ReadError> {
         self.architecture.check()?;
-        if let Some(ratio) = self.pruning_ratio.filter(|ratio| !(0.0..1.0).contains(ratio)) {
-            return Err(ReadError::metadata("pruning_ratio", "a number in [0, 1) or null", ratio));
+        if let Some(ratio) = self
+            .pruning_ratio
+            .filter(|ratio| !(0.0..1.0).contains(ratio))
+        {
+            return Err(ReadError::metadata(
+                "pruning_ratio",
+                "a number in [0, 1) or null",
+                ratio,
+            ));
         }
         self.input.check()?;
         let tracker = &self.tracker;
-        within("tracker.context_amount", f64::from(tracker.context_amount), 0.0..=4.0)?;
+        within(
+            "tracker.context_amount",
+            f64::from(tracker.context_amount),
+            0.0..=4.0,
+        )?;
         within("tracker.size_lr", tracker.size_lr, 0.0..=1.0)?;
-        within("tracker.window_influence", tracker.window_influence, 0.0..=1.0)?;
+        within(
+            "tracker.window_influence",
+            tracker.window_influence,
+            0.0..=1.0,
+        )?;
         within("tracker.penalty_k", tracker.penalty_k, 0.0..=10.0)?;
         within("tracker.min_size", f64::from(tracker.min_size), 1.0..=1e4)?;
         within("tracker.correction", tracker.correction, 0.0..=1.0)?;
-        within("tracker.template_update", tracker.template_update, 0.0..=1.0)?;
+        within(
+            "tracker.template_update",
+            tracker.template_update,
+            0.0..=1.0,
+        )?;
         within("tracker.online_filter", tracker.online_filter, 0.0..=1.0)?;
         if let Some(calibration) = &self.calibration {
             self.check_calibration(calibration)?;
         }
-        let Provenance { name, source, notes } = &self.provenance;
+        let Provenance {
+            name,
+            source,
+            notes,
+        } = &self.provenance;
         let keys = notes.keys();
         for text in [name, source].into_iter().chain(keys) {
             printable(text, "text without control characters", |c| !c.is_control())?;
@@ -320,18 +365,45 @@ impl Header {
     fn check_calibration(&self, calibration: &Calibration) -> Result<(), ReadError> {
         let layers = self.architecture.layers();
         for (name, range) in &calibration.inputs {
-            if !layers.iter().any(|layer| layer.kind == LayerKind::Conv && layer.name == *name) {
-                return Err(ReadError::metadata("calibration.inputs", "a convolution of the network", name));
+            if !layers
+                .iter()
+                .any(|layer| layer.kind == LayerKind::Conv && layer.name == *name)
+            {
+                return Err(ReadError::metadata(
+                    "calibration.inputs",
+                    "a convolution of the network",
+                    name,
+                ));
             }
-            within(&format!("calibration.inputs.{name}.low"), f64::from(range.low), -1e6..=0.0)?;
-            within(&format!("calibration.inputs.{name}.high"), f64::from(range.high), 0.0..=1e6)?;
-            within(&format!("calibration.inputs.{name}"), f64::from(range.high - range.low), 1e-6..=2e6)?;
+            within(
+                &format!("calibration.inputs.{name}.low"),
+                f64::from(range.low),
+                -1e6..=0.0,
+            )?;
+            within(
+                &format!("calibration.inputs.{name}.high"),
+                f64::from(range.high),
+                0.0..=1e6,
+            )?;
+            within(
+                &format!("calibration.inputs.{name}"),
+                f64::from(range.high - range.low),
+                1e-6..=2e6,
+            )?;
         }
-        printable(&calibration.method, "text without control characters", |c| !c.is_control())
+        printable(
+            &calibration.method,
+            "text without control characters",
+            |c| !c.is_control(),
+        )
     }
 }
 
-fn parse<'a, T: Deserialize<'a>>(field: &str, expected: &str, json: &'a str) -> Result<T, ReadError> {
+fn parse<'a, T: Deserialize<'a>>(
+    field: &str,
+    expected: &str,
+    json: &'a str,
+) -> Result<T, ReadError> {
     serde_json::from_str(json).map_err(|error| ReadError::metadata(field, expected, error))
 }
 
@@ -339,12 +411,20 @@ fn within(field: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Rea
     if range.contains(&value) {
         return Ok(());
     }
-    Err(ReadError::metadata(field, format!("a number in {range:?}"), value))
+    Err(ReadError::metadata(
+        field,
+        format!("a number in {range:?}"),
+        value,
+    ))
 }
 
 fn printable(text: &str, expected: &str, good: impl Fn(char) -> bool) -> Result<(), ReadError> {
     match text.chars().find(|&c| !good(c)) {
-        Some(c) => Err(ReadError::metadata("provenance", expected, format!("{c:?}"))),
+        Some(c) => Err(ReadError::metadata(
+            "provenance",
+            expected,
+            format!("{c:?}"),
+        )),
         None => Ok(()),
     }
 }
@@ -356,16 +436,28 @@ mod tests {
     #[test]
     fn a_translated_convolution_computes_the_same_of_the_same_pixels() {
         let plain = InputNormalization::default();
-        let odd = InputNormalization { mean: [10.0, 20.0, 30.0], std: [2.0, 50.0, 7.0], ..plain };
+        let odd = InputNormalization {
+            mean: [10.0, 20.0, 30.0],
+            std: [2.0, 50.0, 7.0],
+            ..plain
+        };
         let pixels = [3.0_f64, 250.0, 77.0, 128.0, 0.0, 255.0];
         let value = |input: &InputNormalization, weight: &[f32], bias: f32| {
-            let x = |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
-            f64::from(bias) + weight.iter().enumerate().map(|(i, w)| f64::from(*w) * x(i)).sum::<f64>()
+            let x =
+                |i: usize| (pixels[i] - f64::from(input.mean[i % 3])) / f64::from(input.std[i % 3]);
+            f64::from(bias)
+                + weight
+                    .iter()
+                    .enumerate()
+                    .map(|(i, w)| f64::from(*w) * x(i))
+                    .sum::<f64>()
         };
         let (weight, bias) = ([0.5, -1.0, 0.25, 2.0, 0.125, -0.75], [0.5]);
-        for (from, to) in
-            [(plain, InputNormalization::TRAINED), (InputNormalization::TRAINED, odd), (odd, plain)]
-        {
+        for (from, to) in [
+            (plain, InputNormalization::TRAINED),
+            (InputNormalization::TRAINED, odd),
+            (odd, plain),
+        ] {
             let (mut w, mut b) = (weight, bias);
             from.translate(&to, &mut w, &mut b);
             let (found, expected) = (value(&to, &w, b[0]), value(&from, &weight, bias[0]));

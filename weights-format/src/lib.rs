@@ -35,7 +35,8 @@ pub use architecture::{
 pub use container::{MAX_FILE_BYTES, MAX_HEADER_BYTES};
 pub use error::{ReadError, WriteError};
 pub use header::{
-    Calibration, ChannelOrder, Header, InputNormalization, Provenance, Range, Storage, TrackerParams,
+    Calibration, ChannelOrder, Header, InputNormalization, Provenance, Range, Storage,
+    TrackerParams,
 };
 pub use unfolded::Unfolded;
 pub use weights::{Tensor, Weights};

@@ -68,13 +68,19 @@ impl Unfolded {
     /// Expects an architecture that passed [`Architecture::check`].
     pub fn shapes(architecture: &Architecture) -> Vec<(String, Vec<usize>)> {
         let mut shapes = Vec::new();
-        for layer in architecture.layers().iter().filter(|layer| layer.kind == LayerKind::Conv) {
+        for layer in architecture
+            .layers()
+            .iter()
+            .filter(|layer| layer.kind == LayerKind::Conv)
+        {
             let name = &layer.name;
             shapes.push((format!("{name}.weight"), layer.weight_shape().to_vec()));
             shapes.push((format!("{name}.bias"), vec![layer.out_channels]));
             if layer.bn {
                 let parts = ["scale", "shift", "mean", "variance"];
-                shapes.extend(parts.map(|part| (format!("{name}.bn.{part}"), vec![layer.out_channels])));
+                shapes.extend(
+                    parts.map(|part| (format!("{name}.bn.{part}"), vec![layer.out_channels])),
+                );
             }
         }
         shapes.extend(["head.si", "head.bi"].map(|name| (name.to_owned(), Vec::new())));
@@ -86,7 +92,10 @@ impl Unfolded {
     /// # Errors
     /// Names the file and the field or tensor that is wrong.
     pub fn read(path: &Path) -> Result<Unfolded, ReadError> {
-        let name = |error| ReadError::File { path: path.into(), error: Box::new(error) };
+        let name = |error| ReadError::File {
+            path: path.into(),
+            error: Box::new(error),
+        };
         let bytes = file::read_bounded(path, MAX_BYTES).map_err(name)?;
         Unfolded::from_bytes(&bytes).map_err(name)
     }
@@ -98,25 +107,47 @@ impl Unfolded {
     pub fn from_bytes(bytes: &[u8]) -> Result<Unfolded, ReadError> {
         let malformed = |error| ReadError::container("container", "a safetensors file", error);
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(malformed)?;
-        let entry = |key: &str| metadata.metadata().as_ref().and_then(|entries| entries.get(key));
-        let wrong = |key: &str, error| ReadError::metadata(key, "the description of a network", error);
+        let entry = |key: &str| {
+            metadata
+                .metadata()
+                .as_ref()
+                .and_then(|entries| entries.get(key))
+        };
+        let wrong =
+            |key: &str, error| ReadError::metadata(key, "the description of a network", error);
         let described = match (entry(KEY), entry(TRAINER)) {
-            (Some(text), _) => serde_json::from_str::<Described>(text).map_err(|error| wrong(KEY, error))?,
+            (Some(text), _) => {
+                serde_json::from_str::<Described>(text).map_err(|error| wrong(KEY, error))?
+            }
             (None, Some(text)) => {
                 let Checkpoint { options } =
                     serde_json::from_str(text).map_err(|error| wrong(TRAINER, error))?;
                 let input = InputNormalization::TRAINED;
                 let source = "a checkpoint of the track-cpu trainer".into();
-                Described { format: FORMAT, architecture: options.architecture, input, source }
+                Described {
+                    format: FORMAT,
+                    architecture: options.architecture,
+                    input,
+                    source,
+                }
             }
             (None, None) => {
-                return Err(ReadError::metadata(KEY, "a description of a network", "no such key"));
+                return Err(ReadError::metadata(
+                    KEY,
+                    "a description of a network",
+                    "no such key",
+                ));
             }
         };
         if described.format != FORMAT {
             return Err(ReadError::metadata("format", FORMAT, described.format));
         }
-        let Described { architecture, input, source, .. } = described;
+        let Described {
+            architecture,
+            input,
+            source,
+            ..
+        } = described;
         architecture.check()?;
         input.check()?;
         let file = SafeTensors::deserialize(bytes).map_err(malformed)?;
@@ -132,10 +163,21 @@ impl Unfolded {
                 let found = format!("{:?} with shape {:?}", view.dtype(), view.shape());
                 return Err(ReadError::tensor(&name, expected(), found));
             }
-            let data = view.data().as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
+            let data = view
+                .data()
+                .as_chunks()
+                .0
+                .iter()
+                .map(|&b| f32::from_le_bytes(b))
+                .collect();
             tensors.insert(name, Tensor { shape, data });
         }
-        let unfolded = Unfolded { architecture, input, source, tensors };
+        let unfolded = Unfolded {
+            architecture,
+            input,
+            source,
+            tensors,
+        };
         unfolded.check()?;
         Ok(unfolded)
     }
@@ -153,7 +195,11 @@ impl Unfolded {
                 tensor.shape == *shape && tensor.data.len() == shape.iter().product::<usize>()
             });
             let Some(tensor) = tensor else {
-                return Err(ReadError::tensor(name, format!("shape {shape:?}"), "another or none"));
+                return Err(ReadError::tensor(
+                    name,
+                    format!("shape {shape:?}"),
+                    "another or none",
+                ));
             };
             if let Some(value) = tensor.data.iter().find(|value| !value.is_finite()) {
                 return Err(ReadError::tensor(name, "finite values", value));
@@ -162,7 +208,11 @@ impl Unfolded {
                 return Err(ReadError::tensor(name, "no negative variance", "one"));
             }
         }
-        match self.tensors.keys().find(|name| !shapes.iter().any(|(known, _)| known == *name)) {
+        match self
+            .tensors
+            .keys()
+            .find(|name| !shapes.iter().any(|(known, _)| known == *name))
+        {
             Some(name) => Err(ReadError::tensor(name, "no tensor of this name", "one")),
             None => Ok(()),
         }
@@ -174,14 +224,30 @@ impl Unfolded {
     /// What [`check`](Self::check) refuses, and whatever the file system refuses.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         self.check()?;
-        let Unfolded { architecture, input, source, .. } = self.clone();
-        let described = Described { format: FORMAT, architecture, input, source };
+        let Unfolded {
+            architecture,
+            input,
+            source,
+            ..
+        } = self.clone();
+        let described = Described {
+            format: FORMAT,
+            architecture,
+            input,
+            source,
+        };
         let text = serde_json::to_string(&described)
             .map_err(|error| ReadError::metadata(KEY, "values that can be written", error))?;
         let bytes: Vec<Vec<u8>> = self
             .tensors
             .values()
-            .map(|tensor| tensor.data.iter().flat_map(|value| value.to_le_bytes()).collect())
+            .map(|tensor| {
+                tensor
+                    .data
+                    .iter()
+                    .flat_map(|value| value.to_le_bytes())
+                    .collect()
+            })
             .collect();
         let refused = |error| ReadError::container("container", "a safetensors file", error);
         let views: Vec<_> = self
@@ -189,13 +255,17 @@ impl Unfolded {
             .iter()
             .zip(&bytes)
             .map(|((name, tensor), bytes)| {
-                let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).map_err(refused)?;
+                let view =
+                    TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).map_err(refused)?;
                 Ok((format!("parameter.{name}"), view))
             })
             .collect::<Result<_, ReadError>>()?;
         let metadata = HashMap::from([(KEY.to_owned(), text)]);
         let bytes = safetensors::serialize(views, Some(metadata)).map_err(refused)?;
-        file::write_atomically(path, &bytes).map_err(|error| WriteError::Io { path: path.into(), error })
+        file::write_atomically(path, &bytes).map_err(|error| WriteError::Io {
+            path: path.into(),
+            error,
+        })
     }
 }
 
@@ -208,7 +278,9 @@ mod tests {
         let widths = Widths::uniform([2, 3, 4, 3, 2], 3);
         let architecture = Architecture::new(widths, Some(Encoder::standard(2)));
         let tensor = |i: usize, shape: Vec<usize>| {
-            let data = (0..shape.iter().product::<usize>()).map(|j| (i * 7 + j) as f32 / 3.0).collect();
+            let data = (0..shape.iter().product::<usize>())
+                .map(|j| (i * 7 + j) as f32 / 3.0)
+                .collect();
             Tensor { shape, data }
         };
         let shapes = Unfolded::shapes(&architecture).into_iter().enumerate();
@@ -216,7 +288,9 @@ mod tests {
             architecture,
             input: InputNormalization::default(),
             source: "a test".into(),
-            tensors: shapes.map(|(i, (name, shape))| (name, tensor(i, shape))).collect(),
+            tensors: shapes
+                .map(|(i, (name, shape))| (name, tensor(i, shape)))
+                .collect(),
         }
     }
 
@@ -238,17 +312,33 @@ mod tests {
             unfolded.check().unwrap_err().to_string()
         };
         assert!(refused(&|u| _ = u.tensors.remove("head.si")).contains("\"head.si\""));
-        assert!(refused(&|u| u.tensors.get_mut("head.bi").unwrap().data[0] = f32::NAN).contains("NaN"));
+        assert!(
+            refused(&|u| u.tensors.get_mut("head.bi").unwrap().data[0] = f32::NAN).contains("NaN")
+        );
         assert!(
             refused(&|u| u.tensors.get_mut("dr.e2.0.bn.variance").unwrap().data[0] = -1.0)
                 .contains("negative")
         );
-        assert!(refused(&|u| u.architecture.widths.neck_cls = 4).contains("neck.template_cls.weight"));
+        assert!(
+            refused(&|u| u.architecture.widths.neck_cls = 4).contains("neck.template_cls.weight")
+        );
         assert!(refused(&|u| u.input.std[0] = 0.0).contains("input.std"));
-        let extra = Tensor { shape: vec![], data: vec![0.0] };
-        assert!(refused(&|u| _ = u.tensors.insert("more".into(), extra.clone())).contains("\"more\""));
-        let weights = crate::Weights::random(example().architecture, 1).to_bytes().unwrap();
-        assert!(Unfolded::from_bytes(&weights).unwrap_err().to_string().contains("no such key"));
+        let extra = Tensor {
+            shape: vec![],
+            data: vec![0.0],
+        };
+        assert!(
+            refused(&|u| _ = u.tensors.insert("more".into(), extra.clone())).contains("\"more\"")
+        );
+        let weights = crate::Weights::random(example().architecture, 1)
+            .to_bytes()
+            .unwrap();
+        assert!(
+            Unfolded::from_bytes(&weights)
+                .unwrap_err()
+                .to_string()
+                .contains("no such key")
+        );
         assert!(Unfolded::from_bytes(&weights[..99]).is_err());
     }
 }

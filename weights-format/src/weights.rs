@@ -41,7 +41,10 @@ impl fmt::Debug for Weights {
 impl Weights {
     /// Weights that have no tensors yet.
     pub fn new(header: Header) -> Weights {
-        Weights { header, tensors: BTreeMap::new() }
+        Weights {
+            header,
+            tensors: BTreeMap::new(),
+        }
     }
 
     /// Adds or replaces a tensor; [`check`](Self::check) says whether it belongs.
@@ -56,7 +59,9 @@ impl Weights {
 
     /// Every tensor, in the order of the names.
     pub fn tensors(&self) -> impl Iterator<Item = (&str, &Tensor)> {
-        self.tensors.iter().map(|(name, tensor)| (name.as_str(), tensor))
+        self.tensors
+            .iter()
+            .map(|(name, tensor)| (name.as_str(), tensor))
     }
 
     /// Checks the header's bounds and that there are exactly the tensors that the architecture implies, with the
@@ -69,7 +74,11 @@ impl Weights {
         let expected: BTreeMap<_, _> = self.header.architecture.tensors().into_iter().collect();
         for (name, shape) in &expected {
             let Some(tensor) = self.tensors.get(name) else {
-                return Err(ReadError::tensor(name, format!("shape {shape:?}"), "no such tensor"));
+                return Err(ReadError::tensor(
+                    name,
+                    format!("shape {shape:?}"),
+                    "no such tensor",
+                ));
             };
             if tensor.shape != *shape {
                 return Err(ReadError::tensor(
@@ -80,13 +89,30 @@ impl Weights {
             }
             let elements: usize = shape.iter().product();
             if tensor.data.len() != elements {
-                return Err(ReadError::tensor(name, format!("{elements} values"), tensor.data.len()));
+                return Err(ReadError::tensor(
+                    name,
+                    format!("{elements} values"),
+                    tensor.data.len(),
+                ));
             }
-            if let Some((i, value)) = tensor.data.iter().enumerate().find(|(_, value)| !value.is_finite()) {
-                return Err(ReadError::tensor(name, "finite values", format!("{value} at element {i}")));
+            if let Some((i, value)) = tensor
+                .data
+                .iter()
+                .enumerate()
+                .find(|(_, value)| !value.is_finite())
+            {
+                return Err(ReadError::tensor(
+                    name,
+                    "finite values",
+                    format!("{value} at element {i}"),
+                ));
             }
         }
-        match self.tensors.keys().find(|name| !expected.contains_key(*name)) {
+        match self
+            .tensors
+            .keys()
+            .find(|name| !expected.contains_key(*name))
+        {
             Some(name) => Err(ReadError::tensor(name, "no tensor of this name", "one")),
             None => Ok(()),
         }
@@ -103,7 +129,9 @@ impl Weights {
         let mut weights = Weights::new(Header::new(architecture));
         weights.header.provenance.name = format!("random-{seed}");
         let layers = architecture.layers();
-        let correlation = layers.iter().find(|layer| layer.kind == LayerKind::Correlation);
+        let correlation = layers
+            .iter()
+            .find(|layer| layer.kind == LayerKind::Correlation);
         let summands = correlation.map_or(1, |layer| layer.kernel * layer.kernel);
         for layer in layers.iter().filter(|layer| layer.kind == LayerKind::Conv) {
             let input_rms = match layer.name.as_str() {
@@ -116,10 +144,20 @@ impl Weights {
             let scale = (gain / fan_in).sqrt() / input_rms;
             let shape = layer.weight_shape().to_vec();
             let elements = shape.iter().product();
-            let data = (0..elements).map(|_| (random.normal() * scale) as f32).collect();
+            let data = (0..elements)
+                .map(|_| (random.normal() * scale) as f32)
+                .collect();
             weights.insert(format!("{}.weight", layer.name), Tensor { shape, data });
-            let data = (0..layer.out_channels).map(|_| (random.normal() * 0.05) as f32).collect();
-            weights.insert(format!("{}.bias", layer.name), Tensor { shape: vec![layer.out_channels], data });
+            let data = (0..layer.out_channels)
+                .map(|_| (random.normal() * 0.05) as f32)
+                .collect();
+            weights.insert(
+                format!("{}.bias", layer.name),
+                Tensor {
+                    shape: vec![layer.out_channels],
+                    data,
+                },
+            );
         }
         weights
     }
@@ -138,7 +176,14 @@ impl SplitMix64 {
 
     /// Mean 0, variance 1: the sum of twelve 16-bit uniforms, which no platform's `ln` or `cos` can round differently.
     fn normal(&mut self) -> f64 {
-        let quarters = |bits: u64| [bits & 0xffff, bits >> 16 & 0xffff, bits >> 32 & 0xffff, bits >> 48];
+        let quarters = |bits: u64| {
+            [
+                bits & 0xffff,
+                bits >> 16 & 0xffff,
+                bits >> 32 & 0xffff,
+                bits >> 48,
+            ]
+        };
         let sum: u64 = (0..3).flat_map(|_| quarters(self.next())).sum();
         sum as f64 / 65535.0 - 6.0
     }
@@ -150,7 +195,10 @@ mod tests {
     use crate::architecture::{Encoder, Widths};
 
     fn small() -> Weights {
-        Weights::random(Architecture::new(Widths::pruned(0.9), Some(Encoder::standard(25))), 7)
+        Weights::random(
+            Architecture::new(Widths::pruned(0.9), Some(Encoder::standard(25))),
+            7,
+        )
     }
 
     #[test]
@@ -159,7 +207,10 @@ mod tests {
         weights.check().unwrap();
         assert_eq!(weights, small());
         let other = Weights::random(weights.header.architecture, 8);
-        assert_ne!(weights.tensor("head.offsets.weight"), other.tensor("head.offsets.weight"));
+        assert_ne!(
+            weights.tensor("head.offsets.weight"),
+            other.tensor("head.offsets.weight")
+        );
         assert_eq!(weights.header.pruning_ratio, Some(0.9));
     }
 
@@ -167,7 +218,10 @@ mod tests {
     fn random_is_normal_and_he_scaled() {
         let weights = Weights::random(Architecture::new(Widths::pruned(0.5), None), 3);
         for (name, variance) in [
-            ("backbone.conv1.weight", 2.0 / (121.0 * 3.0) / (128.0 * 128.0)),
+            (
+                "backbone.conv1.weight",
+                2.0 / (121.0 * 3.0) / (128.0 * 128.0),
+            ),
             ("backbone.conv2.weight", 2.0 / (25.0 * 48.0)),
             ("backbone.conv5.weight", 1.0 / (9.0 * 192.0)),
             ("head.cls1.weight", 2.0 / (9.0 * 128.0) / 256.0),
@@ -177,10 +231,27 @@ mod tests {
             let data = &weights.tensor(name).unwrap().data;
             let n = data.len() as f64;
             let sigma = f64::sqrt(variance);
-            let moment = |power| data.iter().map(|&x| (f64::from(x) / sigma).powi(power)).sum::<f64>() / n;
-            assert!(moment(1).abs() < 4.0 / n.sqrt(), "{name}: mean {}", moment(1));
-            assert!((moment(2) - 1.0).abs() < 6.0 / n.sqrt(), "{name}: variance {}", moment(2));
-            assert!((moment(4) - 2.9).abs() < 0.3, "{name}: fourth moment {}", moment(4));
+            let moment = |power| {
+                data.iter()
+                    .map(|&x| (f64::from(x) / sigma).powi(power))
+                    .sum::<f64>()
+                    / n
+            };
+            assert!(
+                moment(1).abs() < 4.0 / n.sqrt(),
+                "{name}: mean {}",
+                moment(1)
+            );
+            assert!(
+                (moment(2) - 1.0).abs() < 6.0 / n.sqrt(),
+                "{name}: variance {}",
+                moment(2)
+            );
+            assert!(
+                (moment(4) - 2.9).abs() < 0.3,
+                "{name}: fourth moment {}",
+                moment(4)
+            );
         }
     }
 
@@ -206,17 +277,32 @@ mod tests {
                 "\"head.score.bias\": expected shape [1], found shape [4]",
             ),
             (
-                refused(&|w| w.tensors.get_mut("head.offsets.bias").unwrap().data.truncate(3)),
+                refused(&|w| {
+                    w.tensors
+                        .get_mut("head.offsets.bias")
+                        .unwrap()
+                        .data
+                        .truncate(3)
+                }),
                 "\"head.offsets.bias\": expected 4 values, found 3",
             ),
             (
                 refused(&|w| w.tensors.get_mut("head.offsets.bias").unwrap().data[2] = f32::NAN),
                 "\"head.offsets.bias\": expected finite values, found NaN at element 2",
             ),
-            (refused(&|w| w.header.architecture.widths.neck_cls = 0), "widths[5] is 0"),
-            (refused(&|w| w.header.tracker.size_lr = f64::NAN), "tracker.size_lr"),
+            (
+                refused(&|w| w.header.architecture.widths.neck_cls = 0),
+                "widths[5] is 0",
+            ),
+            (
+                refused(&|w| w.header.tracker.size_lr = f64::NAN),
+                "tracker.size_lr",
+            ),
         ] {
-            assert!(message.contains(expected), "{message:?} does not say {expected:?}");
+            assert!(
+                message.contains(expected),
+                "{message:?} does not say {expected:?}"
+            );
         }
     }
 }

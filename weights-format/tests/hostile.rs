@@ -72,21 +72,61 @@ fn containers() {
     let zeros = vec![b' '; (1 << 20) + 1];
     for (what, bytes, expected) in [
         ("empty", vec![], "file: expected at least 8 bytes, found 0"),
-        ("seven bytes", vec![0; 7], "file: expected at least 8 bytes, found 7"),
-        ("no header", vec![0; 8], "header: expected the JSON of a safetensors file"),
-        ("length beyond the file", count(bytes.len() as u64), "header length: expected at most"),
-        ("length beyond memory", count(u64::MAX), "bytes, found 18446744073709551615"),
-        ("length beyond the bound", file(std::str::from_utf8(&zeros).unwrap(), &[]), "at most 1048576 bytes"),
-        ("not JSON", file("PK\u{3}\u{4}", data), "header: expected the JSON"),
-        ("not UTF-8", [&[1, 0, 0, 0, 0, 0, 0, 0][..], &[0xff]].concat(), "header: expected the JSON"),
-        ("deep", file(&"[".repeat(1000), data), "header: expected the JSON"),
-        ("metadata twice", file(&twice, data), "duplicate field `__metadata__`"),
+        (
+            "seven bytes",
+            vec![0; 7],
+            "file: expected at least 8 bytes, found 7",
+        ),
+        (
+            "no header",
+            vec![0; 8],
+            "header: expected the JSON of a safetensors file",
+        ),
+        (
+            "length beyond the file",
+            count(bytes.len() as u64),
+            "header length: expected at most",
+        ),
+        (
+            "length beyond memory",
+            count(u64::MAX),
+            "bytes, found 18446744073709551615",
+        ),
+        (
+            "length beyond the bound",
+            file(std::str::from_utf8(&zeros).unwrap(), &[]),
+            "at most 1048576 bytes",
+        ),
+        (
+            "not JSON",
+            file("PK\u{3}\u{4}", data),
+            "header: expected the JSON",
+        ),
+        (
+            "not UTF-8",
+            [&[1, 0, 0, 0, 0, 0, 0, 0][..], &[0xff]].concat(),
+            "header: expected the JSON",
+        ),
+        (
+            "deep",
+            file(&"[".repeat(1000), data),
+            "header: expected the JSON",
+        ),
+        (
+            "metadata twice",
+            file(&twice, data),
+            "duplicate field `__metadata__`",
+        ),
         (
             "trailing byte",
             [&bytes[..], &[0]].concat(),
             &format!("as the header says, found {}", data.len() + 1),
         ),
-        ("truncated", bytes[..bytes.len() - 1].to_vec(), &format!("found {}", data.len() - 1)),
+        (
+            "truncated",
+            bytes[..bytes.len() - 1].to_vec(),
+            &format!("found {}", data.len() - 1),
+        ),
         (
             "nothing but metadata",
             with(|h, d| {
@@ -95,13 +135,21 @@ fn containers() {
             }),
             "tensor \"backbone.conv1.weight\": expected F32 with shape [1, 11, 11, 3], found no such tensor",
         ),
-        ("overlap", with(|h, _| h["head.score.bias"]["data_offsets"] = json!([0, 4])), "invalid offset"),
+        (
+            "overlap",
+            with(|h, _| h["head.score.bias"]["data_offsets"] = json!([0, 4])),
+            "invalid offset",
+        ),
         (
             "offsets backwards",
             with(|h, _| h["head.score.bias"]["data_offsets"] = json!([8, 4])),
             "invalid offset",
         ),
-        ("offsets and shape", with(|h, _| h["head.score.bias"]["shape"] = json!([2])), "invalid shape"),
+        (
+            "offsets and shape",
+            with(|h, _| h["head.score.bias"]["shape"] = json!([2])),
+            "invalid shape",
+        ),
         (
             "overflowing shape",
             with(|h, _| {
@@ -109,9 +157,21 @@ fn containers() {
             }),
             "overflow",
         ),
-        ("negative shape", with(|h, _| h["head.score.bias"]["shape"] = json!([-1])), "header: expected"),
-        ("unknown type", with(|h, _| h["head.score.bias"]["dtype"] = json!("F80")), "unknown variant `F80`"),
-        ("ends at the end of memory", file(&far(), &[]), "data: expected"),
+        (
+            "negative shape",
+            with(|h, _| h["head.score.bias"]["shape"] = json!([-1])),
+            "header: expected",
+        ),
+        (
+            "unknown type",
+            with(|h, _| h["head.score.bias"]["dtype"] = json!("F80")),
+            "unknown variant `F80`",
+        ),
+        (
+            "ends at the end of memory",
+            file(&far(), &[]),
+            "data: expected",
+        ),
     ] {
         refused(what, &bytes, expected);
     }
@@ -143,9 +203,21 @@ fn metadata_fields() {
             with(|h, _| h["__metadata__"]["format"] = json!("pt")),
             "metadata `format`: expected no key",
         ),
-        ("not JSON", metadata_text(|_| "{".into()), "metadata `format_version`: expected 1"),
-        ("version missing", metadata(|m| remove(m, "format_version")), "missing field `format_version`"),
-        ("version 2", metadata(|m| m["format_version"] = json!(2)), "`format_version`: expected 1, found 2"),
+        (
+            "not JSON",
+            metadata_text(|_| "{".into()),
+            "metadata `format_version`: expected 1",
+        ),
+        (
+            "version missing",
+            metadata(|m| remove(m, "format_version")),
+            "missing field `format_version`",
+        ),
+        (
+            "version 2",
+            metadata(|m| m["format_version"] = json!(2)),
+            "`format_version`: expected 1, found 2",
+        ),
         (
             "newer fields",
             metadata(|m| {
@@ -154,9 +226,21 @@ fn metadata_fields() {
             }),
             "`format_version`: expected 1, found 7",
         ),
-        ("version text", metadata(|m| m["format_version"] = json!("1")), "invalid type: string"),
-        ("field missing", metadata(|m| remove(m, "tracker")), "missing field `tracker`"),
-        ("field unknown", metadata(|m| m["color"] = json!(1)), "unknown field `color`"),
+        (
+            "version text",
+            metadata(|m| m["format_version"] = json!("1")),
+            "invalid type: string",
+        ),
+        (
+            "field missing",
+            metadata(|m| remove(m, "tracker")),
+            "missing field `tracker`",
+        ),
+        (
+            "field unknown",
+            metadata(|m| m["color"] = json!(1)),
+            "unknown field `color`",
+        ),
         (
             "field twice",
             metadata_text(|m| m.replacen('{', r#"{"storage":"f32","#, 1)),
@@ -167,19 +251,31 @@ fn metadata_fields() {
             metadata(|m| m["input"]["gamma"] = json!(1)),
             "`input`: expected an input normalization, found unknown field `gamma`",
         ),
-        ("nested missing", metadata(|m| remove(&mut m["tracker"], "size_lr")), "missing field `size_lr`"),
+        (
+            "nested missing",
+            metadata(|m| remove(&mut m["tracker"], "size_lr")),
+            "missing field `size_lr`",
+        ),
         (
             "encoder missing",
             metadata(|m| remove(&mut m["architecture"], "encoder")),
             "missing field `encoder`",
         ),
-        ("wrong type", metadata(|m| m["tracker"]["min_size"] = json!("10")), "metadata `tracker`"),
+        (
+            "wrong type",
+            metadata(|m| m["tracker"]["min_size"] = json!("10")),
+            "metadata `tracker`",
+        ),
         (
             "two means",
             metadata(|m| m["input"]["mean"] = json!([0, 0])),
             "`input`: expected an input normalization, found invalid length 2",
         ),
-        ("channel order", metadata(|m| m["input"]["channel_order"] = json!("rgb")), "unknown variant `rgb`"),
+        (
+            "channel order",
+            metadata(|m| m["input"]["channel_order"] = json!("rgb")),
+            "unknown variant `rgb`",
+        ),
         (
             "storage",
             metadata(|m| m["storage"] = json!("int8")),
@@ -215,18 +311,46 @@ fn metadata_fields() {
             metadata(|m| m["tracker"]["window_influence"] = json!(-0.1)),
             "`tracker.window_influence`",
         ),
-        ("correction", metadata(|m| m["tracker"]["correction"] = json!(1.5)), "`tracker.correction`"),
-        ("update", metadata(|m| m["tracker"]["template_update"] = json!(-0.1)), "`tracker.template_update`"),
-        ("filter", metadata(|m| m["tracker"]["online_filter"] = json!(2)), "`tracker.online_filter`"),
-        ("penalty", metadata(|m| m["tracker"]["penalty_k"] = json!(1e9)), "`tracker.penalty_k`"),
-        ("context", metadata(|m| m["tracker"]["context_amount"] = json!(-1)), "`tracker.context_amount`"),
-        ("smallest box", metadata(|m| m["tracker"]["min_size"] = json!(0)), "`tracker.min_size`"),
+        (
+            "correction",
+            metadata(|m| m["tracker"]["correction"] = json!(1.5)),
+            "`tracker.correction`",
+        ),
+        (
+            "update",
+            metadata(|m| m["tracker"]["template_update"] = json!(-0.1)),
+            "`tracker.template_update`",
+        ),
+        (
+            "filter",
+            metadata(|m| m["tracker"]["online_filter"] = json!(2)),
+            "`tracker.online_filter`",
+        ),
+        (
+            "penalty",
+            metadata(|m| m["tracker"]["penalty_k"] = json!(1e9)),
+            "`tracker.penalty_k`",
+        ),
+        (
+            "context",
+            metadata(|m| m["tracker"]["context_amount"] = json!(-1)),
+            "`tracker.context_amount`",
+        ),
+        (
+            "smallest box",
+            metadata(|m| m["tracker"]["min_size"] = json!(0)),
+            "`tracker.min_size`",
+        ),
         (
             "name",
             metadata(|m| m["provenance"]["name"] = json!("\u{1b}]0;x\u{7}")),
             "text without control characters",
         ),
-        ("a note", metadata(|m| m["provenance"]["notes"]["x"] = json!(1)), "metadata `provenance`"),
+        (
+            "a note",
+            metadata(|m| m["provenance"]["notes"]["x"] = json!(1)),
+            "metadata `provenance`",
+        ),
         (
             "no channels",
             metadata(|m| m["architecture"]["widths"]["backbone"][1] = json!(0)),
@@ -247,7 +371,11 @@ fn metadata_fields() {
             metadata(|m| m["architecture"]["encoder"]["kernel"] = json!(5)),
             "encoder.kernel is 5, expected 1 or 3",
         ),
-        ("crop", metadata(|m| m["architecture"]["search_size"] = json!(1 << 20)), "search_size is 1048576"),
+        (
+            "crop",
+            metadata(|m| m["architecture"]["search_size"] = json!(1 << 20)),
+            "search_size is 1048576",
+        ),
     ] {
         refused(what, &bytes, expected);
     }
@@ -278,7 +406,8 @@ fn tensors() {
         (
             "one more",
             with(|h, d| {
-                h["zz\u{1b}"] = json!({"dtype": "U8", "shape": [1], "data_offsets": [d.len(), d.len() + 1]});
+                h["zz\u{1b}"] =
+                    json!({"dtype": "U8", "shape": [1], "data_offsets": [d.len(), d.len() + 1]});
                 d.push(0);
             }),
             "tensor \"zz\u{fffd}\": expected no tensor of this name",
@@ -298,7 +427,11 @@ fn tensors() {
             with(|h, _| h["backbone.conv1.weight"]["shape"] = json!([1, 3, 11, 11])),
             "found F32 with shape [1, 3, 11, 11]",
         ),
-        ("a scalar", with(|h, _| h["head.score.bias"]["shape"] = json!([])), "found F32 with shape []"),
+        (
+            "a scalar",
+            with(|h, _| h["head.score.bias"]["shape"] = json!([])),
+            "found F32 with shape []",
+        ),
         (
             "NaN",
             with(|_, d| d[..4].copy_from_slice(&f32::NAN.to_le_bytes())),
@@ -319,7 +452,10 @@ fn refused(what: &str, bytes: &[u8], expected: &str) {
         Ok(_) => panic!("{what}: accepted"),
         Err(error) => {
             let error = error.to_string();
-            assert!(error.contains(expected), "{what}: {error:?} does not say {expected:?}");
+            assert!(
+                error.contains(expected),
+                "{what}: {error:?} does not say {expected:?}"
+            );
             assert!(
                 !error.contains('\u{1b}') && error.len() < 1000,
                 "{what}: {error:?} is not fit for a terminal"

@@ -6,7 +6,10 @@ use weights_format::{
 };
 
 fn sample(storage: Storage) -> Weights {
-    let widths = Widths { head_reg: [7, 5, 3], ..Widths::uniform([3, 5, 8, 13, 21], 11) };
+    let widths = Widths {
+        head_reg: [7, 5, 3],
+        ..Widths::uniform([3, 5, 8, 13, 21], 11)
+    };
     let mut weights = Weights::random(Architecture::new(widths, Some(Encoder::standard(21))), 11);
     let header = &mut weights.header;
     header.storage = storage;
@@ -14,7 +17,10 @@ fn sample(storage: Storage) -> Weights {
     header.input.std = [58.0, 57.375, 1.0];
     header.tracker.size_lr = 0.1 + 0.2;
     header.provenance.source = "a \"test\" with \u{e9}\u{4e2d}".into();
-    header.provenance.notes.insert("lines".into(), "one\ntwo".into());
+    header
+        .provenance
+        .notes
+        .insert("lines".into(), "one\ntwo".into());
     weights
 }
 
@@ -23,7 +29,11 @@ fn f32_is_exact() {
     let weights = sample(Storage::F32);
     let bytes = weights.to_bytes().unwrap();
     assert_eq!(Weights::from_bytes(&bytes).unwrap(), weights);
-    assert_eq!(weights.to_bytes().unwrap(), bytes, "the same weights give the same bytes");
+    assert_eq!(
+        weights.to_bytes().unwrap(),
+        bytes,
+        "the same weights give the same bytes"
+    );
 }
 
 #[test]
@@ -36,12 +46,19 @@ fn f16_rounds_weights_once_and_keeps_biases() {
         let found = read.tensor(name).unwrap();
         assert_eq!(found.shape, tensor.shape);
         for (&a, &b) in tensor.data.iter().zip(&found.data) {
-            let tolerance =
-                if name.ends_with(".bias") { 0.0 } else { (a.abs() / 2048.0).max(f32::exp2(-25.0)) };
+            let tolerance = if name.ends_with(".bias") {
+                0.0
+            } else {
+                (a.abs() / 2048.0).max(f32::exp2(-25.0))
+            };
             assert!((a - b).abs() <= tolerance, "{name}: {a} became {b}");
         }
     }
-    assert_eq!(read.to_bytes().unwrap(), bytes, "rounding twice changes nothing");
+    assert_eq!(
+        read.to_bytes().unwrap(),
+        bytes,
+        "rounding twice changes nothing"
+    );
     assert!(bytes.len() < sample(Storage::F32).to_bytes().unwrap().len() * 6 / 10);
 }
 
@@ -49,14 +66,29 @@ fn f16_rounds_weights_once_and_keeps_biases() {
 fn every_form_of_the_encoder() {
     let narrow = Widths::uniform([2, 3, 2, 3, 4], 3);
     for position in [EncoderPosition::BeforeNeck, EncoderPosition::AfterNeck] {
-        for (kernel, layers, width, relu, shared) in [(1, 1, 4, false, true), (3, 2, 5, true, false)] {
-            let encoder = Encoder { kernel, layers, width, relu, shared, position };
+        for (kernel, layers, width, relu, shared) in
+            [(1, 1, 4, false, true), (3, 2, 5, true, false)]
+        {
+            let encoder = Encoder {
+                kernel,
+                layers,
+                width,
+                relu,
+                shared,
+                position,
+            };
             let weights = Weights::random(Architecture::new(narrow, Some(encoder)), 1);
-            assert_eq!(Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(), weights);
+            assert_eq!(
+                Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(),
+                weights
+            );
         }
     }
     let weights = Weights::random(Architecture::new(narrow, None), 1);
-    assert_eq!(Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(), weights);
+    assert_eq!(
+        Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(),
+        weights
+    );
 }
 
 #[test]
@@ -69,8 +101,20 @@ fn f16_refuses_overflow() {
     tensor.data[1] = -65520.0;
     weights.insert("head.score.weight", tensor);
     let error = weights.to_bytes().unwrap_err();
-    assert!(matches!(error, WriteError::Overflow { value: -65520.0, .. }), "{error}");
-    assert!(error.to_string().contains("\"head.score.weight\": -65520"), "{error}");
+    assert!(
+        matches!(
+            error,
+            WriteError::Overflow {
+                value: -65520.0,
+                ..
+            }
+        ),
+        "{error}"
+    );
+    assert!(
+        error.to_string().contains("\"head.score.weight\": -65520"),
+        "{error}"
+    );
     weights.header.storage = Storage::F32;
     weights.to_bytes().unwrap();
 }
@@ -82,15 +126,33 @@ fn refuses_to_write_what_it_would_not_read() {
         change(&mut weights);
         weights.to_bytes().unwrap_err().to_string()
     };
-    let infinite = Tensor { shape: vec![1], data: vec![f32::INFINITY] };
-    assert!(refused(&|w| w.insert("head.score.bias", infinite.clone())).contains("inf at element 0"));
+    let infinite = Tensor {
+        shape: vec![1],
+        data: vec![f32::INFINITY],
+    };
+    assert!(
+        refused(&|w| w.insert("head.score.bias", infinite.clone())).contains("inf at element 0")
+    );
     assert!(refused(&|w| w.header.input.std[1] = f32::NAN).contains("input.std"));
     assert!(refused(&|w| w.header.provenance.name = "\u{1b}[2J".into()).contains("'\\u{1b}'"));
     let note = "x".repeat(2 << 20);
-    let long = refused(&|w| drop(w.header.provenance.notes.insert("long".into(), note.clone())));
-    assert!(long.contains("header length: expected at most 1048576 bytes"), "{long}");
+    let long = refused(&|w| {
+        drop(
+            w.header
+                .provenance
+                .notes
+                .insert("long".into(), note.clone()),
+        )
+    });
+    assert!(
+        long.contains("header length: expected at most 1048576 bytes"),
+        "{long}"
+    );
     let wide = Architecture::new(Widths::uniform([2048; 5], 2048), None);
-    assert!(wide.check().is_ok(), "wide networks can be described, they are only too large for a file");
+    assert!(
+        wide.check().is_ok(),
+        "wide networks can be described, they are only too large for a file"
+    );
 }
 
 /// A directory of its own that goes away again.
@@ -98,7 +160,8 @@ struct Folder(PathBuf);
 
 impl Folder {
     fn new(name: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("weights-format-{}-{name}", std::process::id()));
+        let path =
+            std::env::temp_dir().join(format!("weights-format-{}-{name}", std::process::id()));
         fs::create_dir_all(&path).unwrap();
         Folder(path)
     }
@@ -118,7 +181,10 @@ fn files_are_replaced_as_a_whole() {
     let weights = sample(Storage::F32);
     weights.write(&path).unwrap();
     assert_eq!(Weights::read(&path).unwrap(), weights);
-    let names: Vec<_> = fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let names: Vec<_> = fs::read_dir(&folder.0)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
     assert_eq!(names, ["model.safetensors"], "no temporary file stays");
     // The name is taken by a directory: the error names it, and again nothing stays.
     let taken = folder.0.join("taken");
@@ -134,7 +200,12 @@ fn unreadable_files_are_named() {
     let absent = folder.0.join("absent.safetensors");
     let error = Weights::read(&absent).unwrap_err();
     assert!(matches!(&error, ReadError::File { path, .. } if *path == absent));
-    assert!(error.to_string().contains("absent.safetensors: cannot be read: "), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains("absent.safetensors: cannot be read: "),
+        "{error}"
+    );
     let error = Weights::read(&folder.0).unwrap_err().to_string();
     assert!(error.contains("cannot be read: "), "{error}");
     // A sparse file claims more than is ever read.
@@ -142,7 +213,9 @@ fn unreadable_files_are_named() {
     fs::File::create(&huge).unwrap().set_len(1 << 40).unwrap();
     let error = Weights::read(&huge).unwrap_err().to_string();
     assert!(
-        error.contains("huge.safetensors: file: expected at most 268435456 bytes, found 1099511627776"),
+        error.contains(
+            "huge.safetensors: file: expected at most 268435456 bytes, found 1099511627776"
+        ),
         "{error}"
     );
 }
@@ -152,5 +225,8 @@ fn unreadable_files_are_named() {
 fn endless_files_are_bounded() {
     // Its length claims to be 0.
     let error = Weights::read("/dev/zero".as_ref()).unwrap_err().to_string();
-    assert!(error.contains("/dev/zero: file: expected at most 268435456 bytes, found more"), "{error}");
+    assert!(
+        error.contains("/dev/zero: file: expected at most 268435456 bytes, found more"),
+        "{error}"
+    );
 }

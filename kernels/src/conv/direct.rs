@@ -37,7 +37,9 @@ impl Weights {
     pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32]) -> Weights {
         let mut data = Vec::new();
         pack(isa, shape.out_channels, shape.window(), weights, &mut data);
-        Weights { data: data.as_slice().into() }
+        Weights {
+            data: data.as_slice().into(),
+        }
     }
 }
 
@@ -50,7 +52,11 @@ pub(super) fn pack(isa: Isa, outputs: usize, inputs: usize, weights: &[f32], dat
     for width in blocks(vectors) {
         let channels = first..first + width * lanes;
         for i in 0..inputs {
-            data.extend(channels.clone().map(|o| weights.get(o * inputs + i).copied().unwrap_or(0.0)));
+            data.extend(
+                channels
+                    .clone()
+                    .map(|o| weights.get(o * inputs + i).copied().unwrap_or(0.0)),
+            );
         }
         first = channels.end;
     }
@@ -72,7 +78,15 @@ impl Kernel for Direct<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Direct { shape, weights, bias, input, size, first_row, out } = self;
+        let Direct {
+            shape,
+            weights,
+            bias,
+            input,
+            size,
+            first_row,
+            out,
+        } = self;
         let width = (size.w - shape.kernel) / shape.stride + 1;
         let (channels, window) = (shape.out_channels, shape.window());
         let mut packed = &weights.data[..];
@@ -156,14 +170,23 @@ impl Tile<'_> {
             unreachable!("more than the registers hold");
         }
         let mut sums = [[simd.zero(); VECTORS]; PIXELS];
-        for (ky, weights) in
-            self.weights.chunks_exact(self.row_len * VECTORS * S::LANES).take(self.rows).enumerate()
+        for (ky, weights) in self
+            .weights
+            .chunks_exact(self.row_len * VECTORS * S::LANES)
+            .take(self.rows)
+            .enumerate()
         {
             let mut windows = [&self.input[..0]; PIXELS];
             for (i, window) in windows.iter_mut().enumerate() {
                 *window = &self.input[ky * self.row_step + i * self.pixel_step..][..self.row_len];
             }
-            add_products::<S, PIXELS, VECTORS, false>(simd, windows, self.row_len, weights, &mut sums);
+            add_products::<S, PIXELS, VECTORS, false>(
+                simd,
+                windows,
+                self.row_len,
+                weights,
+                &mut sums,
+            );
         }
         sums
     }
@@ -173,7 +196,12 @@ impl Tile<'_> {
 /// what follows those weights.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
-pub(super) fn add_products<S: Simd, const PIXELS: usize, const VECTORS: usize, const AHEAD: bool>(
+pub(super) fn add_products<
+    S: Simd,
+    const PIXELS: usize,
+    const VECTORS: usize,
+    const AHEAD: bool,
+>(
     simd: S,
     pixels: [&[f32]; PIXELS],
     len: usize,
@@ -204,7 +232,10 @@ mod tests {
         for vectors in 1..40 {
             let widths: Vec<_> = super::blocks(vectors).collect();
             assert_eq!(widths.iter().sum::<usize>(), vectors);
-            assert!(vectors == 1 || !widths.contains(&1), "{vectors}: {widths:?}");
+            assert!(
+                vectors == 1 || !widths.contains(&1),
+                "{vectors}: {widths:?}"
+            );
         }
     }
 }

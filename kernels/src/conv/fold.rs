@@ -28,8 +28,14 @@ pub(super) fn unstrided(shape: &ConvShape) -> ConvShape {
 
 /// The folded input's size.
 pub(super) fn size(shape: &ConvShape, input: Size) -> Size {
-    let (out, more) = (shape.out_size(input), shape.kernel.div_ceil(shape.stride) - 1);
-    Size { h: out.h + more, w: out.w + more }
+    let (out, more) = (
+        shape.out_size(input),
+        shape.kernel.div_ceil(shape.stride) - 1,
+    );
+    Size {
+        h: out.h + more,
+        w: out.w + more,
+    }
 }
 
 /// `[Cout, k, k, Cin]` as `[Cout, q_y, q_x, p_y, p_x, Cin]`.
@@ -41,7 +47,11 @@ pub(super) fn weights(shape: &ConvShape, weights: &[f32]) -> Vec<f32> {
         for (q_y, q_x) in (0..side * side).map(|q| (q / side, q % side)) {
             for (p_y, p_x) in (0..s * s).map(|p| (p / s, p % s)) {
                 let (y, x) = (s * q_y + p_y, s * q_x + p_x);
-                let taps = if y < k && x < k { &kernel[(y * k + x) * cin..][..cin] } else { &[] };
+                let taps = if y < k && x < k {
+                    &kernel[(y * k + x) * cin..][..cin]
+                } else {
+                    &[]
+                };
                 folded.extend_from_slice(taps);
                 folded.extend(std::iter::repeat_n(0.0, cin - taps.len()));
             }
@@ -51,7 +61,13 @@ pub(super) fn weights(shape: &ConvShape, weights: &[f32]) -> Vec<f32> {
 }
 
 /// Writes `input` (`[H, W, Cin]`) as `[Y, X, p_y, p_x, Cin]`, zeros beyond its edges, to `out`, which is of [`size`].
-pub(super) fn input(shape: &ConvShape, threads: &Threads, input: &[f32], size: Size, out: &mut [f32]) {
+pub(super) fn input(
+    shape: &ConvShape,
+    threads: &Threads,
+    input: &[f32],
+    size: Size,
+    out: &mut [f32],
+) {
     let (s, cin, pad) = (shape.stride, shape.in_channels, shape.pad);
     let width = self::size(shape, size).w;
     let run = s * cin; // the phases of one row lie side by side already
@@ -60,7 +76,9 @@ pub(super) fn input(shape: &ConvShape, threads: &Threads, input: &[f32], size: S
         for (i, row) in out.chunks_exact_mut(row_len).enumerate() {
             for p_y in 0..s {
                 let to = &mut row[p_y * run..];
-                let from = (s * (first + i) + p_y).checked_sub(pad).filter(|y| *y < size.h);
+                let from = (s * (first + i) + p_y)
+                    .checked_sub(pad)
+                    .filter(|y| *y < size.h);
                 let from = from.map_or(&[][..], |y| &input[y * size.w * cin..][..size.w * cin]);
                 match run {
                     6 if pad == 0 => spread::<6>(from, s * run, to), // colors at stride 2
@@ -76,7 +94,10 @@ fn spread<const N: usize>(from: &[f32], step: usize, to: &mut [f32]) {
     let (runs, rest) = from.as_chunks::<N>();
     let mut last = [0.0; N];
     last[..rest.len()].copy_from_slice(rest);
-    let runs = runs.iter().chain([&last]).chain(std::iter::repeat(&[0.0; N]));
+    let runs = runs
+        .iter()
+        .chain([&last])
+        .chain(std::iter::repeat(&[0.0; N]));
     for (to, run) in to.chunks_mut(step).zip(runs) {
         to[..N].copy_from_slice(run);
     }
@@ -86,7 +107,11 @@ fn spread<const N: usize>(from: &[f32], step: usize, to: &mut [f32]) {
 fn spread_any(from: &[f32], before: usize, run: usize, step: usize, to: &mut [f32]) {
     for (i, to) in to.chunks_mut(step).enumerate() {
         for (j, to) in to[..run].iter_mut().enumerate() {
-            *to = (i * run + j).checked_sub(before).and_then(|at| from.get(at)).copied().unwrap_or(0.0);
+            *to = (i * run + j)
+                .checked_sub(before)
+                .and_then(|at| from.get(at))
+                .copied()
+                .unwrap_or(0.0);
         }
     }
 }

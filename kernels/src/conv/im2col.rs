@@ -18,8 +18,11 @@ impl Weights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(shape: &ConvShape, weights: &[f32]) -> Weights {
         let window = shape.window();
-        let transposed = |i: usize| weights[i % shape.out_channels * window + i / shape.out_channels];
-        Weights { data: (0..weights.len()).map(transposed).collect() }
+        let transposed =
+            |i: usize| weights[i % shape.out_channels * window + i / shape.out_channels];
+        Weights {
+            data: (0..weights.len()).map(transposed).collect(),
+        }
     }
 }
 
@@ -52,29 +55,45 @@ pub(super) fn run(
     let width = (size.w - shape.kernel) / shape.stride + 1;
     let (channels, window) = (shape.out_channels, shape.window());
     let strip = strip_rows(width);
-    threads.split_rows_with(out, width * channels, 1, scratch, |first_row, out, patches| {
-        for (i, out) in out.chunks_mut(strip * width * channels).enumerate() {
-            let pixels = out.len() / channels;
-            let patches = &mut patches[..pixels * window];
-            gather(shape, input, size, first_row + i * strip, width, patches);
-            gemm(pixels, channels, window, patches, &weights.data, out);
-            for pixel in out.chunks_exact_mut(channels) {
-                for (value, bias) in pixel.iter_mut().zip(bias) {
-                    *value += bias;
-                    if shape.relu {
-                        *value = value.max(0.0);
+    threads.split_rows_with(
+        out,
+        width * channels,
+        1,
+        scratch,
+        |first_row, out, patches| {
+            for (i, out) in out.chunks_mut(strip * width * channels).enumerate() {
+                let pixels = out.len() / channels;
+                let patches = &mut patches[..pixels * window];
+                gather(shape, input, size, first_row + i * strip, width, patches);
+                gemm(pixels, channels, window, patches, &weights.data, out);
+                for pixel in out.chunks_exact_mut(channels) {
+                    for (value, bias) in pixel.iter_mut().zip(bias) {
+                        *value += bias;
+                        if shape.relu {
+                            *value = value.max(0.0);
+                        }
                     }
                 }
             }
-        }
-    });
+        },
+    );
 }
 
 /// Copies the windows of whole output rows from `first_row` on into `patches` (`[pixels, k, k * Cin]`).
-fn gather(shape: &ConvShape, input: &[f32], size: Size, first_row: usize, width: usize, patches: &mut [f32]) {
+fn gather(
+    shape: &ConvShape,
+    input: &[f32],
+    size: Size,
+    first_row: usize,
+    width: usize,
+    patches: &mut [f32],
+) {
     let row_len = shape.kernel * shape.in_channels;
     for (pixel, patch) in patches.chunks_exact_mut(shape.window()).enumerate() {
-        let (y, x) = ((first_row + pixel / width) * shape.stride, pixel % width * shape.stride);
+        let (y, x) = (
+            (first_row + pixel / width) * shape.stride,
+            pixel % width * shape.stride,
+        );
         for (ky, to) in patch.chunks_exact_mut(row_len).enumerate() {
             to.copy_from_slice(&input[((y + ky) * size.w + x) * shape.in_channels..][..row_len]);
         }

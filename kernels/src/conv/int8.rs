@@ -31,14 +31,22 @@ pub(super) struct Weights {
 
 impl Weights {
     /// From `[Cout, k, k, Cin]`.
-    pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32], input: Quantization) -> Weights {
+    pub(super) fn new(
+        isa: Isa,
+        shape: &ConvShape,
+        weights: &[f32],
+        input: Quantization,
+    ) -> Weights {
         let (lanes, (offset, quads_per_step)) = (isa.lanes(), isa.dot_offset_and_quads());
         let row_len = shape.kernel * shape.in_channels;
         let vectors = shape.out_channels.div_ceil(lanes);
-        let rounded: Vec<(Vec<i8>, f32)> = weights.chunks_exact(shape.window()).map(round).collect();
+        let rounded: Vec<(Vec<i8>, f32)> =
+            weights.chunks_exact(shape.window()).map(round).collect();
         let sum = |row: &[i8]| row.iter().map(|w| i32::from(*w)).sum::<i32>();
-        let mut start: Vec<i32> =
-            rounded.iter().map(|(row, _)| (offset - i32::from(input.zero_point)) * sum(row)).collect();
+        let mut start: Vec<i32> = rounded
+            .iter()
+            .map(|(row, _)| (offset - i32::from(input.zero_point)) * sum(row))
+            .collect();
         start.resize(vectors * lanes, 0);
         let quad = |output: usize, ky: usize, group: usize| {
             let mut quad = [0; 4];
@@ -57,14 +65,23 @@ impl Weights {
             for ky in 0..shape.kernel {
                 for step in 0..steps {
                     let groups = step * quads_per_step..(step + 1) * quads_per_step;
-                    let quads_of = |output| groups.clone().map(move |group| quad(output, ky, group));
+                    let quads_of =
+                        |output| groups.clone().map(move |group| quad(output, ky, group));
                     quads.extend(channels.clone().flat_map(quads_of));
                 }
             }
             first = channels.end;
         }
-        let scale = rounded.iter().map(|(_, scale)| scale * input.scale).collect();
-        Weights { quads: quads.as_slice().into(), start, scale, input }
+        let scale = rounded
+            .iter()
+            .map(|(_, scale)| scale * input.scale)
+            .collect();
+        Weights {
+            quads: quads.as_slice().into(),
+            start,
+            scale,
+            input,
+        }
     }
 }
 
@@ -72,7 +89,13 @@ impl Weights {
 fn round(weights: &[f32]) -> (Vec<i8>, f32) {
     let largest = weights.iter().fold(0.0f32, |all, w| all.max(w.abs()));
     let scale = (largest / 127.0).max(f32::MIN_POSITIVE);
-    (weights.iter().map(|w| (w / scale).round_ties_even() as i8).collect(), scale)
+    (
+        weights
+            .iter()
+            .map(|w| (w / scale).round_ties_even() as i8)
+            .collect(),
+        scale,
+    )
 }
 
 /// Steps of the walk along a window's row.
@@ -132,7 +155,16 @@ impl<T: To> DotKernel for Int8<'_, T> {
 
     #[inline(always)]
     fn run<D: Dot>(self, dot: D) {
-        let Int8 { shape, weights, bias, input, size, first_row, to, out } = self;
+        let Int8 {
+            shape,
+            weights,
+            bias,
+            input,
+            size,
+            first_row,
+            to,
+            out,
+        } = self;
         let (channels, lanes) = (shape.out_channels, D::Float::LANES);
         let width = (size.w - shape.kernel) / shape.stride + 1;
         let steps = steps_per_row(shape, D::QUADS);
@@ -229,7 +261,9 @@ impl<'a, T: To> Tile<'a, T> {
                     let sum = dot.to_f32(dot.of_pixel(*sums, p));
                     let y = match bias.len() >= lanes {
                         true => simd.mul_add(sum, simd.load(scale), simd.load(bias)),
-                        false => simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias)),
+                        false => {
+                            simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias))
+                        }
                     };
                     self.to.store(simd, simd.max(y, floor), &mut out[first..]);
                 }
@@ -247,13 +281,22 @@ impl<'a, T: To> Tile<'a, T> {
         mut sums: [[D::Sums; VECTORS]; GROUPS],
     ) -> [[D::Sums; VECTORS]; GROUPS] {
         let (steps, vector) = (self.steps, D::Float::LANES * D::QUADS);
-        for (ky, weights) in self.weights.chunks_exact(steps * VECTORS * vector).take(self.rows).enumerate() {
+        for (ky, weights) in self
+            .weights
+            .chunks_exact(steps * VECTORS * vector)
+            .take(self.rows)
+            .enumerate()
+        {
             let (mut first, mut second) = ([&[][..]; GROUPS], [&[][..]; GROUPS]);
             for i in 0..GROUPS {
                 first[i] = self.window::<D>(i * D::PIXELS, ky, steps);
                 // Where the last group has no second pixel, its first stands in for it.
                 let next = (i * D::PIXELS + 1).min(self.pixels - 1);
-                second[i] = if D::PIXELS == 1 { first[i] } else { self.window::<D>(next, ky, steps) };
+                second[i] = if D::PIXELS == 1 {
+                    first[i]
+                } else {
+                    self.window::<D>(next, ky, steps)
+                };
             }
             for (j, weights) in (0..steps).zip(weights.chunks_exact(VECTORS * vector)) {
                 let mut w = [dot.load(weights); VECTORS];
@@ -280,12 +323,24 @@ mod tests {
     use crate::testing::{assert_close, noise};
 
     /// The same convolution in `f64` on the values that the bytes stand for.
-    fn expected(shape: &ConvShape, size: Size, input: &[f32], weights: &[f32], q: Quantization) -> Vec<f64> {
+    fn expected(
+        shape: &ConvShape,
+        size: Size,
+        input: &[f32],
+        weights: &[f32],
+        q: Quantization,
+    ) -> Vec<f64> {
         let bytes = crate::reference::quantize(q, input);
-        let input: Vec<f32> = bytes.iter().map(|b| q.value(b.round_ties_even() as u8)).collect();
+        let input: Vec<f32> = bytes
+            .iter()
+            .map(|b| q.value(b.round_ties_even() as u8))
+            .collect();
         let whole = |window: &[f32]| {
             let (rounded, scale) = round(window);
-            rounded.iter().map(|w| f32::from(*w) * scale).collect::<Vec<_>>()
+            rounded
+                .iter()
+                .map(|w| f32::from(*w) * scale)
+                .collect::<Vec<_>>()
         };
         let weights: Vec<f32> = weights.chunks(shape.window()).flat_map(whole).collect();
         crate::reference::conv(shape, size, &input, &weights, &noise(shape.out_channels, 2))
@@ -294,12 +349,23 @@ mod tests {
     fn check(shape: ConvShape, size: Size) {
         let weights = noise(shape.out_channels * shape.window(), 1);
         // Sixteenths, so that no value lies between two bytes.
-        let input: Vec<f32> =
-            noise(size.area() * shape.in_channels, 3).iter().map(|v| (v * 16.0).round() / 16.0).collect();
-        let q = Quantization { scale: 1.0 / 16.0, zero_point: 21 };
+        let input: Vec<f32> = noise(size.area() * shape.in_channels, 3)
+            .iter()
+            .map(|v| (v * 16.0).round() / 16.0)
+            .collect();
+        let q = Quantization {
+            scale: 1.0 / 16.0,
+            zero_point: 21,
+        };
         let expected = expected(&shape, size, &input, &weights, q);
         for isa in Isa::available() {
-            let conv = Conv::new(isa, Algorithm::Int8(q), shape, &weights, &noise(shape.out_channels, 2));
+            let conv = Conv::new(
+                isa,
+                Algorithm::Int8(q),
+                shape,
+                &weights,
+                &noise(shape.out_channels, 2),
+            );
             assert_eq!(conv.algorithm(), Algorithm::Int8(q));
             for count in [1, 2] {
                 let threads = Threads::new(count);
@@ -318,7 +384,10 @@ mod tests {
 
     #[test]
     fn equals_the_reference_at_awkward_widths() {
-        for (i, n) in [1, 4, 5, 8, 9, 16, 17, 33, 47, 48, 80].into_iter().enumerate() {
+        for (i, n) in [1, 4, 5, 8, 9, 16, 17, 33, 47, 48, 80]
+            .into_iter()
+            .enumerate()
+        {
             for in_channels in [1, 3, 5, 16] {
                 let shape = ConvShape {
                     in_channels,
@@ -336,20 +405,43 @@ mod tests {
     #[test]
     fn equals_the_reference_at_every_kernel_stride_and_pad() {
         for (kernel, stride, pad) in [(1, 1, 0), (3, 1, 1), (3, 2, 1), (5, 1, 2), (11, 2, 0)] {
-            let shape = ConvShape { in_channels: 3, out_channels: 21, kernel, stride, pad, relu: true };
+            let shape = ConvShape {
+                in_channels: 3,
+                out_channels: 21,
+                kernel,
+                stride,
+                pad,
+                relu: true,
+            };
             for side in [11, 12, 23] {
-                check(shape, Size { h: side, w: side + 5 });
+                check(
+                    shape,
+                    Size {
+                        h: side,
+                        w: side + 5,
+                    },
+                );
             }
         }
     }
 
     #[test]
     fn bytes_in_and_out_change_nothing() {
-        let shape = ConvShape { in_channels: 5, out_channels: 37, kernel: 3, stride: 1, pad: 0, relu: true };
+        let shape = ConvShape {
+            in_channels: 5,
+            out_channels: 37,
+            kernel: 3,
+            stride: 1,
+            pad: 0,
+            relu: true,
+        };
         let size = Size { h: 6, w: 11 };
         let (weights, bias) = (noise(37 * shape.window(), 1), noise(37, 2));
         let values: Vec<f32> = noise(size.area() * 5, 3);
-        let (q, next) = (Quantization::of_range(-1.0, 1.0), Quantization::of_range(0.0, 2.5));
+        let (q, next) = (
+            Quantization::of_range(-1.0, 1.0),
+            Quantization::of_range(0.0, 2.5),
+        );
         let threads = Threads::new(2);
         for isa in Isa::available() {
             let conv = Conv::new(isa, Algorithm::Int8(q), shape, &weights, &bias);
@@ -357,7 +449,11 @@ mod tests {
             let out_size = shape.out_size(size);
             let mut floats = vec![0.0; out_size.area() * 37];
             threads.enter(|| conv.run(&threads, &values, size, &mut floats, &mut scratch));
-            let rows = |row_len| crate::quant::Rows { row_len, out_row_len: row_len, offset: 0 };
+            let rows = |row_len| crate::quant::Rows {
+                row_len,
+                out_row_len: row_len,
+                offset: 0,
+            };
             let quantize = |values: &[f32], q, row_len, out: &mut [u8]| {
                 crate::quant::quantize(isa, &Threads::new(1), values, q, rows(row_len), out);
             };
@@ -383,22 +479,43 @@ mod tests {
     #[test]
     fn extremes_do_not_saturate() {
         // All bytes 255, all weights 127 and -127: sums of a few million.
-        let shape =
-            ConvShape { in_channels: 64, out_channels: 18, kernel: 5, stride: 1, pad: 0, relu: false };
+        let shape = ConvShape {
+            in_channels: 64,
+            out_channels: 18,
+            kernel: 5,
+            stride: 1,
+            pad: 0,
+            relu: false,
+        };
         let weights: Vec<f32> = (0..18 * shape.window())
-            .map(|i| if (i / shape.window()).is_multiple_of(2) { 1.0 } else { -1.0 })
+            .map(|i| {
+                if (i / shape.window()).is_multiple_of(2) {
+                    1.0
+                } else {
+                    -1.0
+                }
+            })
             .collect();
         let size = Size::square(6);
         let input = vec![255.0; size.area() * 64];
         for isa in Isa::available() {
-            let conv = Conv::new(isa, Algorithm::Int8(Quantization::PIXELS), shape, &weights, &[0.0; 18]);
+            let conv = Conv::new(
+                isa,
+                Algorithm::Int8(Quantization::PIXELS),
+                shape,
+                &weights,
+                &[0.0; 18],
+            );
             let threads = Threads::new(1);
             let mut out = vec![0.0; 4 * 18];
             let mut scratch = vec![0.0; conv.scratch_len(size, &threads)];
             conv.run(&threads, &input, size, &mut out, &mut scratch);
             for (i, y) in out.iter().enumerate() {
                 let expected = 255.0 * 1600.0 * if i % 2 == 0 { 1.0 } else { -1.0 };
-                assert!((y / expected - 1.0).abs() < 1e-6, "{isa}: {y}, expected {expected}");
+                assert!(
+                    (y / expected - 1.0).abs() < 1e-6,
+                    "{isa}: {y}, expected {expected}"
+                );
             }
         }
     }

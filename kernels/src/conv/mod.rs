@@ -66,7 +66,10 @@ impl ConvShape {
             );
             (n + 2 * self.pad - self.kernel) / self.stride + 1
         };
-        Size { h: side(size.h), w: side(size.w) }
+        Size {
+            h: side(size.h),
+            w: side(size.w),
+        }
     }
 
     /// Multiply-accumulates for an input of `size`.
@@ -81,7 +84,10 @@ impl ConvShape {
 
     /// The input with its padding.
     fn padded(&self, size: Size) -> Size {
-        Size { h: size.h + 2 * self.pad, w: size.w + 2 * self.pad }
+        Size {
+            h: size.h + 2 * self.pad,
+            w: size.w + 2 * self.pad,
+        }
     }
 }
 
@@ -119,7 +125,11 @@ impl Algorithm {
 
     /// All that compute in integers, for inputs that `input` expresses.
     pub fn integers(input: Quantization) -> [Algorithm; 3] {
-        [Algorithm::Int8(input), Algorithm::Winograd6Int16(input), Algorithm::Winograd8Int16(input)]
+        [
+            Algorithm::Int8(input),
+            Algorithm::Winograd6Int16(input),
+            Algorithm::Winograd8Int16(input),
+        ]
     }
 
     /// This algorithm where it can compute `shape`, else `Direct`.
@@ -127,7 +137,9 @@ impl Algorithm {
         let fits = match self {
             Algorithm::Winograd6Int16(_) => winograd::fits_int16(shape, 6),
             Algorithm::Winograd8Int16(_) => winograd::fits_int16(shape, 8),
-            _ => self.points().is_none_or(|points| winograd::fits(shape, points)),
+            _ => self
+                .points()
+                .is_none_or(|points| winograd::fits(shape, points)),
         };
         if fits { self } else { Algorithm::Direct }
     }
@@ -144,13 +156,22 @@ impl Algorithm {
 
     /// The algorithm in `f32` that is expected to be fastest for an input of `size`.
     pub fn plan(shape: &ConvShape, size: Size) -> Algorithm {
-        let fitting = Algorithm::ALL.into_iter().filter(|a| *a != Algorithm::Im2col);
+        let fitting = Algorithm::ALL
+            .into_iter()
+            .filter(|a| *a != Algorithm::Im2col);
         Algorithm::cheapest(fitting, shape, |a| a.cost(1, shape, size))
     }
 
     /// The same where integers would do as well.
-    pub fn plan_integers(isa: Isa, shape: &ConvShape, size: Size, input: Quantization) -> Algorithm {
-        let fitting = [Algorithm::plan(shape, size)].into_iter().chain(Algorithm::integers(input));
+    pub fn plan_integers(
+        isa: Isa,
+        shape: &ConvShape,
+        size: Size,
+        input: Quantization,
+    ) -> Algorithm {
+        let fitting = [Algorithm::plan(shape, size)]
+            .into_iter()
+            .chain(Algorithm::integers(input));
         let speed = |algorithm| match algorithm {
             Algorithm::Int8(_) => isa.int8_speed(),
             Algorithm::Winograd6Int16(_) | Algorithm::Winograd8Int16(_) => isa.int16_speed(),
@@ -165,7 +186,9 @@ impl Algorithm {
         cost: impl Fn(Algorithm) -> u64,
     ) -> Algorithm {
         let fitting = algorithms.filter(|a| a.supported(shape) == *a);
-        fitting.min_by_key(|a| cost(*a)).expect("direct always fits")
+        fitting
+            .min_by_key(|a| cost(*a))
+            .expect("direct always fits")
     }
 
     /// An estimate of the time for an input of `size`, in units of one multiply-accumulate of the register tile in `f32`, where `speed`
@@ -184,7 +207,9 @@ impl Algorithm {
             let macs = out.area() * shape.out_channels * shape.kernel * 4 * steps;
             return macs as u64 * 16 / 15 / speed;
         }
-        let Some(points) = self.points() else { return shape.macs(size) };
+        let Some(points) = self.points() else {
+            return shape.macs(size);
+        };
         let shape = fold::unstrided(shape);
         let product = (shape.in_channels * shape.out_channels) as u64;
         let values = (shape.in_channels + shape.out_channels) as u64;
@@ -200,7 +225,9 @@ impl Algorithm {
 
     /// The algorithm in `f32` called `name`, as [`name`](Self::name) gives it.
     pub fn from_name(name: &str) -> Option<Algorithm> {
-        Algorithm::ALL.into_iter().find(|algorithm| algorithm.name() == name)
+        Algorithm::ALL
+            .into_iter()
+            .find(|algorithm| algorithm.name() == name)
     }
 
     /// Its name in reports and options.
@@ -277,21 +304,45 @@ impl Conv {
     /// Lays out `weights` (`[Cout, k, k, Cin]`) and `bias` (`[Cout]`).
     ///
     /// Panics if a length is not that of the shape.
-    pub fn new(isa: Isa, algorithm: Algorithm, shape: ConvShape, weights: &[f32], bias: &[f32]) -> Conv {
-        assert!(shape.kernel > 0 && shape.stride > 0 && shape.in_channels > 0, "{shape:?}");
-        assert_eq!(weights.len(), shape.out_channels * shape.window(), "weights of {shape:?}");
+    pub fn new(
+        isa: Isa,
+        algorithm: Algorithm,
+        shape: ConvShape,
+        weights: &[f32],
+        bias: &[f32],
+    ) -> Conv {
+        assert!(
+            shape.kernel > 0 && shape.stride > 0 && shape.in_channels > 0,
+            "{shape:?}"
+        );
+        assert_eq!(
+            weights.len(),
+            shape.out_channels * shape.window(),
+            "weights of {shape:?}"
+        );
         assert_eq!(bias.len(), shape.out_channels, "bias of {shape:?}");
         let algorithm = algorithm.supported(&shape);
         let weights = match (algorithm, algorithm.points()) {
             (Algorithm::Winograd6Int16(input) | Algorithm::Winograd8Int16(input), Some(points)) => {
-                Packed::Winograd(winograd::Weights::int16(isa, &shape, points, weights, input))
+                Packed::Winograd(winograd::Weights::int16(
+                    isa, &shape, points, weights, input,
+                ))
             }
-            (_, Some(points)) => Packed::Winograd(winograd::Weights::new(isa, &shape, points, weights)),
+            (_, Some(points)) => {
+                Packed::Winograd(winograd::Weights::new(isa, &shape, points, weights))
+            }
             (Algorithm::Im2col, _) => Packed::Im2col(im2col::Weights::new(&shape, weights)),
-            (Algorithm::Int8(input), _) => Packed::Int8(int8::Weights::new(isa, &shape, weights, input)),
+            (Algorithm::Int8(input), _) => {
+                Packed::Int8(int8::Weights::new(isa, &shape, weights, input))
+            }
             _ => Packed::Direct(direct::Weights::new(isa, &shape, weights)),
         };
-        Conv { shape, isa, bias: bias.to_vec(), weights }
+        Conv {
+            shape,
+            isa,
+            bias: bias.to_vec(),
+            weights,
+        }
     }
 
     /// What it computes.
@@ -334,7 +385,9 @@ impl Conv {
             + match &self.weights {
                 Packed::Direct(_) | Packed::Int8(_) => 0,
                 Packed::Im2col(_) => im2col::scratch_len(&self.shape, size) * threads.count(),
-                Packed::Winograd(weights) => weights.scratch_len(self.shape.out_size(size), threads),
+                Packed::Winograd(weights) => {
+                    weights.scratch_len(self.shape.out_size(size), threads)
+                }
             }
     }
 
@@ -349,7 +402,13 @@ impl Conv {
         out: &mut [f32],
         scratch: &mut [f32],
     ) -> Size {
-        self.run_between(threads, Input::Floats(input), size, Output::Floats(out), scratch)
+        self.run_between(
+            threads,
+            Input::Floats(input),
+            size,
+            Output::Floats(out),
+            scratch,
+        )
     }
 
     /// As [`run`](Self::run), where a neighbor may hand bytes over or take them: the same bits as by way of `f32`.
@@ -365,8 +424,16 @@ impl Conv {
     ) -> Size {
         let shape = &self.shape;
         let out_size = shape.out_size(size);
-        assert_eq!(input.len(), size.area() * shape.in_channels, "input of {shape:?}");
-        assert_eq!(out.len(), out_size.area() * shape.out_channels, "output of {shape:?}");
+        assert_eq!(
+            input.len(),
+            size.area() * shape.in_channels,
+            "input of {shape:?}"
+        );
+        assert_eq!(
+            out.len(),
+            out_size.area() * shape.out_channels,
+            "output of {shape:?}"
+        );
         let (prepared, scratch) = scratch.split_at_mut(self.prepared_len(size));
         let row_len = out_size.w * shape.out_channels;
         let bias = &self.bias;
@@ -374,7 +441,15 @@ impl Conv {
             (Packed::Direct(weights), Input::Floats(input), Output::Floats(out)) => {
                 let (input, size) = self.pad(input, size, prepared);
                 threads.split_rows(out, row_len, |first_row, out| {
-                    self.isa.run(direct::Direct { shape, weights, bias, input, size, first_row, out });
+                    self.isa.run(direct::Direct {
+                        shape,
+                        weights,
+                        bias,
+                        input,
+                        size,
+                        first_row,
+                        out,
+                    });
                 });
             }
             (Packed::Winograd(weights), Input::Floats(input), Output::Floats(out)) => {
@@ -384,7 +459,14 @@ impl Conv {
                 } else {
                     self.pad(input, size, prepared)
                 };
-                winograd::Winograd { isa: self.isa, weights, bias, input, size }.run(threads, out, scratch);
+                winograd::Winograd {
+                    isa: self.isa,
+                    weights,
+                    bias,
+                    input,
+                    size,
+                }
+                .run(threads, out, scratch);
             }
             (Packed::Im2col(weights), Input::Floats(input), Output::Floats(out)) => {
                 let (input, size) = self.pad(input, size, prepared);
@@ -404,11 +486,18 @@ impl Conv {
                 };
                 let size = shape.padded(size);
                 match out {
-                    Output::Floats(out) => self.int8(threads, weights, input, size, int8::Floats, out),
-                    Output::Bytes(out, q) => self.int8(threads, weights, input, size, int8::Bytes(q), out),
+                    Output::Floats(out) => {
+                        self.int8(threads, weights, input, size, int8::Floats, out)
+                    }
+                    Output::Bytes(out, q) => {
+                        self.int8(threads, weights, input, size, int8::Bytes(q), out)
+                    }
                 }
             }
-            _ => panic!("bytes for {:?}, which does not compute in them", self.algorithm()),
+            _ => panic!(
+                "bytes for {:?}, which does not compute in them",
+                self.algorithm()
+            ),
         }
         out_size
     }
@@ -426,7 +515,16 @@ impl Conv {
         let (shape, bias) = (&self.shape, &self.bias);
         let width = (size.w - shape.kernel) / shape.stride + 1;
         threads.split_rows(out, width * shape.out_channels, |first_row, out| {
-            self.isa.run_dot(int8::Int8 { shape, weights, bias, input, size, first_row, to, out });
+            self.isa.run_dot(int8::Int8 {
+                shape,
+                weights,
+                bias,
+                input,
+                size,
+                first_row,
+                to,
+                out,
+            });
         });
     }
 
@@ -438,7 +536,10 @@ impl Conv {
         }
         let row = (size.w + 2 * pad) * c;
         padded.fill(0.0);
-        for (from, to) in input.chunks_exact(size.w * c).zip(padded[pad * row..].chunks_exact_mut(row)) {
+        for (from, to) in input
+            .chunks_exact(size.w * c)
+            .zip(padded[pad * row..].chunks_exact_mut(row))
+        {
             to[pad * c..][..from.len()].copy_from_slice(from);
         }
         (padded, self.shape.padded(size))
@@ -454,11 +555,22 @@ impl Conv {
         bytes: &mut [u8],
     ) {
         let (c, pad) = (self.shape.in_channels, self.shape.pad);
-        let rows = Rows { row_len: size.w * c, out_row_len: (size.w + 2 * pad) * c, offset: pad * c };
+        let rows = Rows {
+            row_len: size.w * c,
+            out_row_len: (size.w + 2 * pad) * c,
+            offset: pad * c,
+        };
         if pad > 0 {
             bytes.fill(quantization.zero_point);
         }
-        quantize(self.isa, threads, input, quantization, rows, &mut bytes[pad * rows.out_row_len..]);
+        quantize(
+            self.isa,
+            threads,
+            input,
+            quantization,
+            rows,
+            &mut bytes[pad * rows.out_row_len..],
+        );
     }
 }
 
@@ -483,7 +595,8 @@ mod tests {
                 assert_eq!(conv.algorithm(), algorithm.supported(&shape));
                 let mut out = vec![f32::NAN; expected.len()];
                 let mut scratch = vec![f32::NAN; conv.scratch_len(size, threads)];
-                let out_size = threads.enter(|| conv.run(threads, &input, size, &mut out, &mut scratch));
+                let out_size =
+                    threads.enter(|| conv.run(threads, &input, size, &mut out, &mut scratch));
                 assert_eq!(out_size, shape.out_size(size));
                 let allowed = match conv.algorithm() {
                     Algorithm::Winograd6 | Algorithm::Winograd8 => 1e-4,
@@ -498,10 +611,20 @@ mod tests {
     #[test]
     fn equals_the_reference_at_awkward_widths() {
         let threads = Threads::new(1);
-        for (i, n) in [1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 33, 47, 48, 49, 80].into_iter().enumerate() {
+        for (i, n) in [1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 33, 47, 48, 49, 80]
+            .into_iter()
+            .enumerate()
+        {
             let relu = i % 2 == 0;
             for in_channels in [1, 3, 5, 16, 19] {
-                let shape = ConvShape { in_channels, out_channels: n, kernel: 3, stride: 1, pad: 0, relu };
+                let shape = ConvShape {
+                    in_channels,
+                    out_channels: n,
+                    kernel: 3,
+                    stride: 1,
+                    pad: 0,
+                    relu,
+                };
                 check(shape, Size { h: 4, w: 3 + i }, &threads);
             }
         }
@@ -522,9 +645,23 @@ mod tests {
             (11, 2, 0),
             (11, 2, 1),
         ] {
-            let shape = ConvShape { in_channels: 3, out_channels: 21, kernel, stride, pad, relu: true };
+            let shape = ConvShape {
+                in_channels: 3,
+                out_channels: 21,
+                kernel,
+                stride,
+                pad,
+                relu: true,
+            };
             for side in [11, 12, 23] {
-                check(shape, Size { h: side, w: side + 5 }, &threads);
+                check(
+                    shape,
+                    Size {
+                        h: side,
+                        w: side + 5,
+                    },
+                    &threads,
+                );
             }
         }
     }
@@ -533,10 +670,25 @@ mod tests {
     #[test]
     fn equals_the_reference_on_large_maps() {
         for threads in [1, 3].map(Threads::new) {
-            for (kernel, in_channels, side) in [(3, 5, 70), (3, 16, 37), (5, 70, 30), (11, 3, 131)] {
+            for (kernel, in_channels, side) in [(3, 5, 70), (3, 16, 37), (5, 70, 30), (11, 3, 131)]
+            {
                 let stride = if kernel == 11 { 2 } else { 1 };
-                let shape = ConvShape { in_channels, out_channels: 21, kernel, stride, pad: 0, relu: false };
-                check(shape, Size { h: side, w: side + 1 }, &threads);
+                let shape = ConvShape {
+                    in_channels,
+                    out_channels: 21,
+                    kernel,
+                    stride,
+                    pad: 0,
+                    relu: false,
+                };
+                check(
+                    shape,
+                    Size {
+                        h: side,
+                        w: side + 1,
+                    },
+                    &threads,
+                );
             }
         }
     }
@@ -547,12 +699,16 @@ mod tests {
         let bias = noise(shape.out_channels, 2);
         let (low, high) = (input.value(0), input.value(255));
         let held = |v: f32| (1.5 * v).clamp(low, high);
-        let values: Vec<f32> = noise(size.area() * shape.in_channels, 3).into_iter().map(held).collect();
+        let values: Vec<f32> = noise(size.area() * shape.in_channels, 3)
+            .into_iter()
+            .map(held)
+            .collect();
         let expected = crate::reference::conv(&shape, size, &values, &weights, &bias);
         let rms = (expected.iter().map(|y| y * y).sum::<f64>() / expected.len() as f64).sqrt();
-        for (algorithm, allowed) in
-            [(Algorithm::Winograd6Int16(input), 0.004), (Algorithm::Winograd8Int16(input), 0.01)]
-        {
+        for (algorithm, allowed) in [
+            (Algorithm::Winograd6Int16(input), 0.004),
+            (Algorithm::Winograd8Int16(input), 0.01),
+        ] {
             if algorithm.supported(&shape) != algorithm {
                 continue;
             }
@@ -564,16 +720,29 @@ mod tests {
                     let mut out = vec![f32::NAN; expected.len()];
                     let mut scratch = vec![f32::NAN; conv.scratch_len(size, &threads)];
                     threads.enter(|| conv.run(&threads, &values, size, &mut out, &mut scratch));
-                    let error =
-                        out.iter().zip(&expected).map(|(y, e)| (f64::from(*y) - e).powi(2)).sum::<f64>();
+                    let error = out
+                        .iter()
+                        .zip(&expected)
+                        .map(|(y, e)| (f64::from(*y) - e).powi(2))
+                        .sum::<f64>();
                     let error = (error / expected.len() as f64).sqrt() / rms;
-                    let most = out.iter().zip(&expected).map(|(y, e)| (f64::from(*y) - e).abs() / rms);
+                    let most = out
+                        .iter()
+                        .zip(&expected)
+                        .map(|(y, e)| (f64::from(*y) - e).abs() / rms);
                     let most = most.fold(0.0, f64::max);
                     let what = format!("{shape:?} on {size:?}, {isa}, {}", algorithm.name());
-                    assert!(error < allowed && most < 6.0 * allowed, "{what}: {error}, at most {most}");
+                    assert!(
+                        error < allowed && most < 6.0 * allowed,
+                        "{what}: {error}, at most {most}"
+                    );
                     // The transforms' roundings may turn an integer here and there, the sums are the same.
                     let first = first.get_or_insert_with(|| out.clone());
-                    let most = out.iter().zip(&*first).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                    let most = out
+                        .iter()
+                        .zip(&*first)
+                        .map(|(a, b)| (a - b).abs())
+                        .fold(0.0, f32::max);
                     assert!(f64::from(most) < allowed * rms, "{isa} differs by {most}");
                 }
             }
@@ -582,16 +751,34 @@ mod tests {
 
     #[test]
     fn int16_comes_close_to_the_reference() {
-        let ranges = [Quantization::of_range(-1.0, 1.0), Quantization::of_range(0.0, 1.5)];
+        let ranges = [
+            Quantization::of_range(-1.0, 1.0),
+            Quantization::of_range(0.0, 1.5),
+        ];
         for (i, n) in [1, 4, 7, 8, 15, 16, 17, 33, 48, 80].into_iter().enumerate() {
-            for (in_channels, kernel, pad) in [(1, 3, 0), (5, 3, 1), (16, 5, 0), (19, 3, 0), (70, 5, 2)] {
+            for (in_channels, kernel, pad) in
+                [(1, 3, 0), (5, 3, 1), (16, 5, 0), (19, 3, 0), (70, 5, 2)]
+            {
                 let relu = i % 2 == 0;
-                let shape = ConvShape { in_channels, out_channels: n, kernel, stride: 1, pad, relu };
+                let shape = ConvShape {
+                    in_channels,
+                    out_channels: n,
+                    kernel,
+                    stride: 1,
+                    pad,
+                    relu,
+                };
                 check_int16(shape, Size { h: 9, w: 5 + 3 * i }, ranges[i % 2]);
             }
         }
-        let shape =
-            ConvShape { in_channels: 48, out_channels: 40, kernel: 3, stride: 1, pad: 0, relu: false };
+        let shape = ConvShape {
+            in_channels: 48,
+            out_channels: 40,
+            kernel: 3,
+            stride: 1,
+            pad: 0,
+            relu: false,
+        };
         check_int16(shape, Size { h: 50, w: 47 }, ranges[1]);
     }
 
@@ -608,25 +795,54 @@ mod tests {
             (1, 1, (128, 4), 17, Direct),
         ] {
             let (in_channels, out_channels) = channels;
-            let shape = ConvShape { in_channels, out_channels, kernel, stride, pad: 0, relu: true };
-            assert_eq!(Algorithm::plan(&shape, Size::square(side)), expected, "{shape:?}");
+            let shape = ConvShape {
+                in_channels,
+                out_channels,
+                kernel,
+                stride,
+                pad: 0,
+                relu: true,
+            };
+            assert_eq!(
+                Algorithm::plan(&shape, Size::square(side)),
+                expected,
+                "{shape:?}"
+            );
         }
     }
 
     #[test]
     fn integers_where_they_are_faster() {
         use Algorithm::{Int8, Winograd8, Winograd8Int16, Winograd10};
-        let input = Quantization { scale: 1.0, zero_point: 0 };
+        let input = Quantization {
+            scale: 1.0,
+            zero_point: 0,
+        };
         for isa in Isa::available() {
             let plan = |kernel, stride, in_channels, out_channels, side| {
-                let shape = ConvShape { in_channels, out_channels, kernel, stride, pad: 0, relu: true };
+                let shape = ConvShape {
+                    in_channels,
+                    out_channels,
+                    kernel,
+                    stride,
+                    pad: 0,
+                    relu: true,
+                };
                 Algorithm::plan_integers(isa, &shape, Size::square(side), input)
             };
             let inner = [plan(3, 1, 192, 192, 32), plan(3, 1, 64, 64, 19)];
             let first = plan(11, 2, 3, 16, 303); // so few channels that transforms cost more than products
             match (isa.int8_speed(), isa.int16_speed()) {
-                (4, 2) => assert_eq!((inner, first), ([Winograd8Int16(input); 2], Int8(input)), "{isa}"),
-                (1, 2) => assert_eq!((inner, first), ([Winograd8Int16(input); 2], Winograd10), "{isa}"),
+                (4, 2) => assert_eq!(
+                    (inner, first),
+                    ([Winograd8Int16(input); 2], Int8(input)),
+                    "{isa}"
+                ),
+                (1, 2) => assert_eq!(
+                    (inner, first),
+                    ([Winograd8Int16(input); 2], Winograd10),
+                    "{isa}"
+                ),
                 (4 | 8, 1) => assert_eq!((inner, first), ([Int8(input); 2], Int8(input)), "{isa}"),
                 _ => assert_eq!((inner, first), ([Winograd8; 2], Winograd10), "{isa}"),
             }
@@ -635,8 +851,14 @@ mod tests {
 
     #[test]
     fn threads_change_no_bit() {
-        let shape =
-            ConvShape { in_channels: 13, out_channels: 37, kernel: 3, stride: 1, pad: 1, relu: false };
+        let shape = ConvShape {
+            in_channels: 13,
+            out_channels: 37,
+            kernel: 3,
+            stride: 1,
+            pad: 1,
+            relu: false,
+        };
         let size = Size { h: 9, w: 14 };
         let input = noise(size.area() * 13, 4);
         let (weights, bias) = (noise(37 * 9 * 13, 5), noise(37, 6));
@@ -666,7 +888,14 @@ mod tests {
     #[test]
     #[should_panic(expected = "smaller than the kernel")]
     fn refuses_an_input_below_the_kernel() {
-        let shape = ConvShape { in_channels: 1, out_channels: 1, kernel: 3, stride: 1, pad: 0, relu: false };
+        let shape = ConvShape {
+            in_channels: 1,
+            out_channels: 1,
+            kernel: 3,
+            stride: 1,
+            pad: 0,
+            relu: false,
+        };
         shape.out_size(Size { h: 2, w: 9 });
     }
 }

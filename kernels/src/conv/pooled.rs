@@ -31,8 +31,16 @@ impl Conv {
         };
         let rows = (BAND_VALUES / (map.w * self.shape.out_channels)).max(LEAST);
         let rows = rows.next_multiple_of(unit) * threads.count();
-        let band = move |first: usize| first..if map.h - first < rows + LEAST { map.h } else { first + rows };
-        std::iter::successors(Some(band(0)), move |last| (last.end < map.h).then(|| band(last.end)))
+        let band = move |first: usize| {
+            first..if map.h - first < rows + LEAST {
+                map.h
+            } else {
+                first + rows
+            }
+        };
+        std::iter::successors(Some(band(0)), move |last| {
+            (last.end < map.h).then(|| band(last.end))
+        })
     }
 
     /// Rows of the input that some rows of the map depend on.
@@ -43,15 +51,25 @@ impl Conv {
 
     /// Values of scratch space that hold a band with the rows kept before it.
     fn band_len(&self, size: Size, threads: &Threads) -> usize {
-        let most = self.bands(size, threads).map(|rows| rows.len()).max().unwrap_or(0);
+        let most = self
+            .bands(size, threads)
+            .map(|rows| rows.len())
+            .max()
+            .unwrap_or(0);
         (KEPT + most) * self.shape.out_size(size).w * self.shape.out_channels
     }
 
     /// How many values of scratch space [`run_pooled`](Self::run_pooled) needs.
     pub fn pooled_scratch_len(&self, size: Size, threads: &Threads) -> usize {
-        let convolved = self
-            .bands(size, threads)
-            .map(|rows| self.scratch_len(Size { h: self.input_rows(&rows).len(), w: size.w }, threads));
+        let convolved = self.bands(size, threads).map(|rows| {
+            self.scratch_len(
+                Size {
+                    h: self.input_rows(&rows).len(),
+                    w: size.w,
+                },
+                threads,
+            )
+        });
         self.band_len(size, threads) + convolved.max().unwrap_or(0)
     }
 
@@ -70,15 +88,26 @@ impl Conv {
     ) -> Size {
         let shape = &self.shape;
         assert_eq!(shape.pad, 0, "{shape:?} before a pool");
-        assert_eq!(input.len(), size.area() * shape.in_channels, "input of {shape:?}");
+        assert_eq!(
+            input.len(),
+            size.area() * shape.in_channels,
+            "input of {shape:?}"
+        );
         let (isa, channels, map) = (self.isa, shape.out_channels, shape.out_size(size));
         let pooled = pool::out_size(map);
-        assert_eq!(out.len(), pooled.area() * channels, "pooled output of {shape:?}");
+        assert_eq!(
+            out.len(),
+            pooled.area() * channels,
+            "pooled output of {shape:?}"
+        );
         let (band, scratch) = scratch.split_at_mut(self.band_len(size, threads));
         let row_len = size.w * shape.in_channels;
         let mut convolve = |rows: Range<usize>, out: Output<'_>| {
             let rows = self.input_rows(&rows);
-            let size = Size { h: rows.len(), w: size.w };
+            let size = Size {
+                h: rows.len(),
+                w: size.w,
+            };
             let (start, end) = (rows.start * row_len, rows.end * row_len);
             let input = match input {
                 Input::Floats(values) => Input::Floats(&values[start..end]),
@@ -95,7 +124,9 @@ impl Conv {
                 band,
                 out,
                 |rows, out| convolve(rows, Output::Floats(out)),
-                |band, h, out| _ = pool::max_pool(isa, threads, band, Size { h, ..map }, channels, out),
+                |band, h, out| {
+                    _ = pool::max_pool(isa, threads, band, Size { h, ..map }, channels, out)
+                },
             ),
             Output::Bytes(out, quantization) => pool_bands(
                 bands,
@@ -103,7 +134,9 @@ impl Conv {
                 bytemuck::cast_slice_mut(band),
                 out,
                 |rows, out| convolve(rows, Output::Bytes(out, quantization)),
-                |band, h, out| _ = pool::max_pool_bytes(isa, threads, band, Size { h, ..map }, channels, out),
+                |band, h, out| {
+                    _ = pool::max_pool_bytes(isa, threads, band, Size { h, ..map }, channels, out)
+                },
             ),
         }
         pooled
@@ -125,7 +158,11 @@ fn pool_bands<T: Copy>(
         let there = kept + rows.len();
         convolve(rows, &mut band[kept * row_len..there * row_len]);
         let last = bands.peek().is_none();
-        let windows = if last { out.len() / pooled_len } else { (there - 1) / 2 };
+        let windows = if last {
+            out.len() / pooled_len
+        } else {
+            (there - 1) / 2
+        };
         let used = if last { there } else { 2 * windows + 1 };
         let (pooled, rest) = std::mem::take(&mut out).split_at_mut(windows * pooled_len);
         pool(&band[..used * row_len], used, pooled);
@@ -146,12 +183,23 @@ mod tests {
     const SHAPES: [(usize, usize, usize, usize); 4] = // kernel, stride, Cin, Cout
         [(11, 2, 3, 48), (5, 1, 6, 130), (3, 1, 4, 21), (4, 3, 2, 7)];
 
-    fn shape((kernel, stride, in_channels, out_channels): (usize, usize, usize, usize)) -> ConvShape {
-        ConvShape { in_channels, out_channels, kernel, stride, pad: 0, relu: true }
+    fn shape(
+        (kernel, stride, in_channels, out_channels): (usize, usize, usize, usize),
+    ) -> ConvShape {
+        ConvShape {
+            in_channels,
+            out_channels,
+            kernel,
+            stride,
+            pad: 0,
+            relu: true,
+        }
     }
 
     fn cases() -> impl Iterator<Item = (ConvShape, Isa)> {
-        SHAPES.into_iter().flat_map(|s| Isa::available().into_iter().map(move |isa| (shape(s), isa)))
+        SHAPES
+            .into_iter()
+            .flat_map(|s| Isa::available().into_iter().map(move |isa| (shape(s), isa)))
     }
 
     /// Heights of the map from one window to some bands.
@@ -159,7 +207,10 @@ mod tests {
         let side = |out: usize| (out - 1) * shape.stride + shape.kernel;
         [(3, 9), (4, 4), (5, 21), (23, 21), (31, 20), (32, 9)]
             .into_iter()
-            .map(move |(h, w)| Size { h: side(h), w: side(w) })
+            .map(move |(h, w)| Size {
+                h: side(h),
+                w: side(w),
+            })
     }
 
     #[test]
@@ -171,9 +222,12 @@ mod tests {
                 let input = noise(size.area() * shape.in_channels, 3);
                 let (map, threads) = (shape.out_size(size), Threads::new(count));
                 let pooled = pool::out_size(map);
-                for algorithm in
-                    [Algorithm::Direct, Algorithm::Winograd6, Algorithm::Winograd8, Algorithm::Winograd10]
-                {
+                for algorithm in [
+                    Algorithm::Direct,
+                    Algorithm::Winograd6,
+                    Algorithm::Winograd8,
+                    Algorithm::Winograd10,
+                ] {
                     let conv = Conv::new(isa, algorithm, shape, &weights, &bias);
                     let mut between = vec![f32::NAN; map.area() * shape.out_channels];
                     let mut scratch = vec![f32::NAN; conv.scratch_len(size, &threads)];
@@ -181,7 +235,14 @@ mod tests {
                     let mut out = expected.clone();
                     threads.enter(|| {
                         conv.run(&threads, &input, size, &mut between, &mut scratch);
-                        pool::max_pool(isa, &threads, &between, map, shape.out_channels, &mut expected);
+                        pool::max_pool(
+                            isa,
+                            &threads,
+                            &between,
+                            map,
+                            shape.out_channels,
+                            &mut expected,
+                        );
                         scratch = vec![f32::NAN; conv.pooled_scratch_len(size, &threads)];
                         let out = Output::Floats(&mut out);
                         conv.run_pooled(&threads, Input::Floats(&input), size, out, &mut scratch)
@@ -198,8 +259,16 @@ mod tests {
 
     #[test]
     fn bytes_too() {
-        let [q, next] =
-            [Quantization { scale: 0.01, zero_point: 90 }, Quantization { scale: 0.05, zero_point: 3 }];
+        let [q, next] = [
+            Quantization {
+                scale: 0.01,
+                zero_point: 90,
+            },
+            Quantization {
+                scale: 0.05,
+                zero_point: 3,
+            },
+        ];
         for (shape, isa) in cases() {
             let weights = noise(shape.out_channels * shape.window(), 1);
             let bias = noise(shape.out_channels, 2);
@@ -215,9 +284,28 @@ mod tests {
                 let mut out = vec![8; expected.len()];
                 let input = Input::Bytes(&bytes);
                 threads.enter(|| {
-                    conv.run_between(&threads, input, size, Output::Bytes(&mut between, next), &mut scratch);
-                    pool::max_pool_bytes(isa, &threads, &between, map, shape.out_channels, &mut expected);
-                    conv.run_pooled(&threads, input, size, Output::Bytes(&mut out, next), &mut scratch);
+                    conv.run_between(
+                        &threads,
+                        input,
+                        size,
+                        Output::Bytes(&mut between, next),
+                        &mut scratch,
+                    );
+                    pool::max_pool_bytes(
+                        isa,
+                        &threads,
+                        &between,
+                        map,
+                        shape.out_channels,
+                        &mut expected,
+                    );
+                    conv.run_pooled(
+                        &threads,
+                        input,
+                        size,
+                        Output::Bytes(&mut out, next),
+                        &mut scratch,
+                    );
                 });
                 assert!(out == expected, "{shape:?} on {size:?}, {isa}");
             }

@@ -92,8 +92,10 @@ impl Simd for Avx2 {
         unsafe {
             let held = _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), _mm256_set1_ps(255.0));
             let rounded = _mm256_cvtps_epi32(held);
-            let halves =
-                _mm_packs_epi32(_mm256_castsi256_si128(rounded), _mm256_extracti128_si256::<1>(rounded));
+            let halves = _mm_packs_epi32(
+                _mm256_castsi256_si128(rounded),
+                _mm256_extracti128_si256::<1>(rounded),
+            );
             _mm_storel_epi64(dst.as_mut_ptr().cast(), _mm_packus_epi16(halves, halves));
         }
     }
@@ -104,10 +106,15 @@ impl Simd for Avx2 {
         let most = f32::from(MOST_INT16);
         // SAFETY: there is room for eight values, the store is unaligned, `self` proves AVX2.
         unsafe {
-            let held = _mm256_min_ps(_mm256_max_ps(v, _mm256_set1_ps(-most)), _mm256_set1_ps(most));
+            let held = _mm256_min_ps(
+                _mm256_max_ps(v, _mm256_set1_ps(-most)),
+                _mm256_set1_ps(most),
+            );
             let rounded = _mm256_cvtps_epi32(held);
-            let narrow =
-                _mm_packs_epi32(_mm256_castsi256_si128(rounded), _mm256_extracti128_si256::<1>(rounded));
+            let narrow = _mm_packs_epi32(
+                _mm256_castsi256_si128(rounded),
+                _mm256_extracti128_si256::<1>(rounded),
+            );
             _mm_storeu_si128(dst.as_mut_ptr().cast(), narrow);
         }
     }
@@ -154,7 +161,11 @@ impl Avx2Vnni {
             false => is_x86_feature_detected!("avxvnni"),
             true => is_x86_feature_detected!("avx512vnni") && is_x86_feature_detected!("avx512vl"),
         };
-        if found { Avx2::detect().map(Avx2Vnni) } else { None }
+        if found {
+            Avx2::detect().map(Avx2Vnni)
+        } else {
+            None
+        }
     }
 
     /// The proof of the smaller set.
@@ -269,7 +280,10 @@ impl Dot for Avx2 {
         // SAFETY: `self` proves AVX2.
         unsafe {
             let all = _mm256_set1_epi32(i32::from_ne_bytes(x));
-            [_mm256_and_si256(all, _mm256_set1_epi16(0xff)), _mm256_srli_epi16::<8>(all)]
+            [
+                _mm256_and_si256(all, _mm256_set1_epi16(0xff)),
+                _mm256_srli_epi16::<8>(all),
+            ]
         }
     }
 
@@ -277,7 +291,12 @@ impl Dot for Avx2 {
     fn load(self, weights: &[[i8; 4]]) -> [__m256i; 2] {
         let all = self.load_quads(weights);
         // SAFETY: `self` proves AVX2.
-        unsafe { [_mm256_srai_epi16::<8>(_mm256_slli_epi16::<8>(all)), _mm256_srai_epi16::<8>(all)] }
+        unsafe {
+            [
+                _mm256_srai_epi16::<8>(_mm256_slli_epi16::<8>(all)),
+                _mm256_srai_epi16::<8>(all),
+            ]
+        }
     }
 
     #[inline(always)]

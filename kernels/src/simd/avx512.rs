@@ -97,8 +97,14 @@ impl Simd for Avx512 {
         let most = f32::from(MOST_INT16);
         // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512 F.
         unsafe {
-            let held = _mm512_min_ps(_mm512_max_ps(v, _mm512_set1_ps(-most)), _mm512_set1_ps(most));
-            _mm256_storeu_si256(dst.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(_mm512_cvtps_epi32(held)));
+            let held = _mm512_min_ps(
+                _mm512_max_ps(v, _mm512_set1_ps(-most)),
+                _mm512_set1_ps(most),
+            );
+            _mm256_storeu_si256(
+                dst.as_mut_ptr().cast(),
+                _mm512_cvtepi32_epi16(_mm512_cvtps_epi32(held)),
+            );
         }
     }
 
@@ -140,7 +146,11 @@ pub struct Avx512Vnni(Avx512);
 impl Avx512Vnni {
     /// The proof, if the machine has the instructions.
     pub fn detect() -> Option<Avx512Vnni> {
-        if is_x86_feature_detected!("avx512vnni") { Avx512::detect().map(Avx512Vnni) } else { None }
+        if is_x86_feature_detected!("avx512vnni") {
+            Avx512::detect().map(Avx512Vnni)
+        } else {
+            None
+        }
     }
 
     /// The proof of the smaller set.
@@ -254,7 +264,10 @@ impl Dot for Avx512 {
         // SAFETY: `self` proves AVX-512 F and BW.
         unsafe {
             let all = _mm512_set1_epi32(i32::from_ne_bytes(x));
-            [_mm512_and_si512(all, _mm512_set1_epi16(0xff)), _mm512_srli_epi16::<8>(all)]
+            [
+                _mm512_and_si512(all, _mm512_set1_epi16(0xff)),
+                _mm512_srli_epi16::<8>(all),
+            ]
         }
     }
 
@@ -262,7 +275,12 @@ impl Dot for Avx512 {
     fn load(self, weights: &[[i8; 4]]) -> [__m512i; 2] {
         let all = self.load_quads(weights);
         // SAFETY: `self` proves AVX-512 BW.
-        unsafe { [_mm512_srai_epi16::<8>(_mm512_slli_epi16::<8>(all)), _mm512_srai_epi16::<8>(all)] }
+        unsafe {
+            [
+                _mm512_srai_epi16::<8>(_mm512_slli_epi16::<8>(all)),
+                _mm512_srai_epi16::<8>(all),
+            ]
+        }
     }
 
     #[inline(always)]

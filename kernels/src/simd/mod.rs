@@ -76,7 +76,11 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// As [`store`](Self::store) where there is room for a whole vector, else as [`store_partial`](Self::store_partial).
     #[inline(always)]
     fn write(self, v: Self::F32, dst: &mut [f32]) {
-        if dst.len() >= Self::LANES { self.store(v, dst) } else { self.store_partial(v, dst) }
+        if dst.len() >= Self::LANES {
+            self.store(v, dst)
+        } else {
+            self.store_partial(v, dst)
+        }
     }
 
     /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in 0..=255; NaN
@@ -248,15 +252,29 @@ mod tests {
             s.store_bytes(va, &mut bytes);
             let rounded = |x: f32| x.round_ties_even().clamp(0.0, 255.0) as u8; // -2.5, -1.5, ..
             assert_eq!(bytes, a.iter().map(|x| rounded(*x)).collect::<Vec<_>>());
-            for (x, expected) in [(f32::NAN, 0), (-1e30, 0), (1e30, 255), (f32::INFINITY, 255), (254.5, 254)]
-            {
+            for (x, expected) in [
+                (f32::NAN, 0),
+                (-1e30, 0),
+                (1e30, 255),
+                (f32::INFINITY, 255),
+                (254.5, 254),
+            ] {
                 s.store_bytes(s.splat(x), &mut bytes);
                 assert!(bytes.iter().all(|byte| *byte == expected), "{x}: {bytes:?}");
             }
             let mut narrow = vec![7; n];
             s.store_int16(va, &mut narrow);
-            assert_eq!(narrow, a.iter().map(|x| x.round_ties_even() as i16).collect::<Vec<_>>());
-            for (x, expected) in [(-1e30, -MOST_INT16), (16383.4, MOST_INT16), (f32::INFINITY, MOST_INT16)] {
+            assert_eq!(
+                narrow,
+                a.iter()
+                    .map(|x| x.round_ties_even() as i16)
+                    .collect::<Vec<_>>()
+            );
+            for (x, expected) in [
+                (-1e30, -MOST_INT16),
+                (16383.4, MOST_INT16),
+                (f32::INFINITY, MOST_INT16),
+            ] {
                 s.store_int16(s.splat(x), &mut narrow);
                 assert!(narrow.iter().all(|x| *x == expected), "{x}: {narrow:?}");
             }
@@ -264,10 +282,14 @@ mod tests {
             assert!(narrow.iter().all(|x| x.abs() <= MOST_INT16), "{narrow:?}");
             for len in 0..=n + 1 {
                 let partial: Vec<f32> = (0..len).map(|i| i as f32 + 1.0).collect();
-                check(s.load_partial(&partial), &|i| partial.get(i).copied().unwrap_or(0.0));
+                check(s.load_partial(&partial), &|i| {
+                    partial.get(i).copied().unwrap_or(0.0)
+                });
                 let mut out = vec![-1.0; len];
                 s.store_partial(va, &mut out);
-                let expected: Vec<_> = (0..len).map(|i| a.get(i).copied().unwrap_or(-1.0)).collect();
+                let expected: Vec<_> = (0..len)
+                    .map(|i| a.get(i).copied().unwrap_or(-1.0))
+                    .collect();
                 assert_eq!(out, expected);
             }
         }
@@ -285,40 +307,62 @@ mod tests {
             let byte = |i: usize| [0u8, 255, 128, 1, 77, 254, 13, 200][i % 8];
             let weight = |i: usize| [-128i8, 127, -127, 1, -1, 0, 55, -90][i % 8];
             let weights: Vec<[i8; 4]> = (0..n * D::QUADS)
-                .map(|l| [weight(l), weight(3 * l + 1), weight(5 * l + 2), weight(l / 2)])
+                .map(|l| {
+                    [
+                        weight(l),
+                        weight(3 * l + 1),
+                        weight(5 * l + 2),
+                        weight(l / 2),
+                    ]
+                })
                 .collect();
             let start: Vec<i32> = (0..n as i32).map(|l| 1000 * l - 5000).collect();
             for first in 0..8 {
                 let quad = |i: usize| [byte(i), byte(i + 1), byte(i + 2), byte(i + 5)];
-                let pixels: [Vec<[u8; 4]>; 2] =
-                    [0, 3].map(|pixel| (0..D::QUADS).map(|q| quad(first + pixel + 2 * q)).collect());
+                let pixels: [Vec<[u8; 4]>; 2] = [0, 3]
+                    .map(|pixel| (0..D::QUADS).map(|q| quad(first + pixel + 2 * q)).collect());
                 let step = |pixel: &Vec<[u8; 4]>| *bytemuck::from_bytes(pixel.as_flattened());
                 let x = dot.activations([step(&pixels[0]), step(&pixels[1])]);
                 let w = dot.load(&weights);
                 let sums = dot.dot(x, w, dot.dot(x, w, dot.sums(&start)));
                 for (p, pixel) in pixels.iter().enumerate().take(D::PIXELS) {
                     let mut found = vec![f32::NAN; n];
-                    dot.float().store(dot.to_f32(dot.of_pixel(sums, p)), &mut found);
+                    dot.float()
+                        .store(dot.to_f32(dot.of_pixel(sums, p)), &mut found);
                     let product = |w: &[[i8; 4]]| -> i32 {
                         let terms = pixel.as_flattened().iter().zip(w.as_flattened());
-                        terms.map(|(x, w)| (i32::from(*x) - D::OFFSET) * i32::from(*w)).sum()
+                        terms
+                            .map(|(x, w)| (i32::from(*x) - D::OFFSET) * i32::from(*w))
+                            .sum()
                     };
                     let lanes = weights.chunks(D::QUADS).zip(&start);
-                    let expected: Vec<f32> = lanes.map(|(w, s)| (s + 2 * product(w)) as f32).collect();
+                    let expected: Vec<f32> =
+                        lanes.map(|(w, s)| (s + 2 * product(w)) as f32).collect();
                     assert_eq!(found, expected, "pixel {p}");
                 }
             }
             let int16 = |i: usize| [32767i16, -32768, 1, -1, 12345, -777, 0, 16383][i % 8];
             let pairs: Vec<[i16; 2]> = (0..n).map(|l| [int16(3 * l), int16(l + 5)]).collect();
             for first in 0..8 {
-                let x = [int16(first).clamp(-MOST_INT16, MOST_INT16), int16(first + 3) / 4];
+                let x = [
+                    int16(first).clamp(-MOST_INT16, MOST_INT16),
+                    int16(first + 3) / 4,
+                ];
                 let lanes = dot.load_pairs(&pairs);
                 let mut found = vec![f32::NAN; n];
-                let sum = dot.dot_pairs(dot.splat_pair(x), lanes, dot.of_pixel(dot.sums(&start), 0));
+                let sum =
+                    dot.dot_pairs(dot.splat_pair(x), lanes, dot.of_pixel(dot.sums(&start), 0));
                 dot.float().store(dot.to_f32(sum), &mut found);
-                let product = |w: &[i16; 2]| (0..2).map(|i| i32::from(x[i]) * i32::from(w[i])).sum::<i32>();
-                let expected: Vec<f32> =
-                    pairs.iter().zip(&start).map(|(w, s)| (s + product(w)) as f32).collect();
+                let product = |w: &[i16; 2]| {
+                    (0..2)
+                        .map(|i| i32::from(x[i]) * i32::from(w[i]))
+                        .sum::<i32>()
+                };
+                let expected: Vec<f32> = pairs
+                    .iter()
+                    .zip(&start)
+                    .map(|(w, s)| (s + product(w)) as f32)
+                    .collect();
                 assert_eq!(found, expected);
             }
         }
@@ -345,7 +389,10 @@ mod tests {
     #[test]
     fn short_slices_are_refused_on_every_isa() {
         for isa in Isa::available() {
-            assert!(std::panic::catch_unwind(|| isa.run(ShortLoad)).is_err(), "{isa}");
+            assert!(
+                std::panic::catch_unwind(|| isa.run(ShortLoad)).is_err(),
+                "{isa}"
+            );
         }
     }
 }

@@ -158,14 +158,24 @@ impl Dot for NeonMatrix {
     #[inline(always)]
     fn activations(self, [first, second]: [[u8; 8]; 2]) -> uint8x16_t {
         // SAFETY: NEON is part of aarch64.
-        unsafe { vcombine_u8(vcreate_u8(u64::from_ne_bytes(first)), vcreate_u8(u64::from_ne_bytes(second))) }
+        unsafe {
+            vcombine_u8(
+                vcreate_u8(u64::from_ne_bytes(first)),
+                vcreate_u8(u64::from_ne_bytes(second)),
+            )
+        }
     }
 
     #[inline(always)]
     fn load(self, weights: &[[i8; 4]]) -> [int8x16_t; 2] {
         assert!(weights.len() >= 8);
         // SAFETY: eight times four bytes are there, the loads are unaligned, NEON is part of aarch64.
-        unsafe { [vld1q_s8(weights.as_ptr().cast()), vld1q_s8(weights[4..].as_ptr().cast())] }
+        unsafe {
+            [
+                vld1q_s8(weights.as_ptr().cast()),
+                vld1q_s8(weights[4..].as_ptr().cast()),
+            ]
+        }
     }
 
     #[inline(always)]
@@ -174,7 +184,10 @@ impl Dot for NeonMatrix {
         // SAFETY: four values are there, the load is unaligned, NEON is part of aarch64.
         unsafe {
             let channels = vreinterpretq_s64_s32(vld1q_s32(from.as_ptr()));
-            let (first, others) = (vdupq_laneq_s64::<0>(channels), vdupq_laneq_s64::<1>(channels));
+            let (first, others) = (
+                vdupq_laneq_s64::<0>(channels),
+                vdupq_laneq_s64::<1>(channels),
+            );
             [vreinterpretq_s32_s64(first), vreinterpretq_s32_s64(others)]
         }
     }
@@ -204,7 +217,11 @@ impl Dot for NeonMatrix {
         // SAFETY: NEON is part of aarch64.
         unsafe {
             let (first, others) = (vreinterpretq_s64_s32(first), vreinterpretq_s64_s32(others));
-            let both = if pixel == 0 { vzip1q_s64(first, others) } else { vzip2q_s64(first, others) };
+            let both = if pixel == 0 {
+                vzip1q_s64(first, others)
+            } else {
+                vzip2q_s64(first, others)
+            };
             vreinterpretq_s32_s64(both)
         }
     }

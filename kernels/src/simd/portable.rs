@@ -14,8 +14,16 @@ impl Simd for Portable {
     type F32 = f32x4;
     const LANES: usize = 4;
     // 32 registers, or 16.
-    const TILE_PIXELS: [usize; 4] = if cfg!(target_arch = "aarch64") { [0, 9, 9, 8] } else { [0, 8, 6, 4] };
-    const LONG_TILE: (usize, usize) = if cfg!(target_arch = "aarch64") { (2, 12) } else { (2, 6) };
+    const TILE_PIXELS: [usize; 4] = if cfg!(target_arch = "aarch64") {
+        [0, 9, 9, 8]
+    } else {
+        [0, 8, 6, 4]
+    };
+    const LONG_TILE: (usize, usize) = if cfg!(target_arch = "aarch64") {
+        (2, 12)
+    } else {
+        (2, 6)
+    };
 
     #[inline(never)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
@@ -63,7 +71,9 @@ impl Simd for Portable {
     fn store_int16(self, v: f32x4, dst: &mut [i16]) {
         let (values, _) = dst.split_first_chunk_mut::<4>().expect("a whole vector");
         let most = f32::from(MOST_INT16);
-        *values = v.to_array().map(|x| x.clamp(-most, most).round_ties_even() as i16);
+        *values = v
+            .to_array()
+            .map(|x| x.clamp(-most, most).round_ties_even() as i16);
     }
 
     #[inline(always)]

@@ -109,7 +109,9 @@ impl EngineArgs {
 
     /// Weights as they are to run.
     pub fn model_of(&self, weights: &Weights) -> Result<Model, ModelError> {
-        let precision = self.precision.unwrap_or_else(|| Precision::best(weights, self.isa()));
+        let precision = self
+            .precision
+            .unwrap_or_else(|| Precision::best(weights, self.isa()));
         if (self.correction, self.template_update, self.online_filter) == (None, None, None) {
             return Model::with_precision(weights, self.isa(), precision);
         }
@@ -132,17 +134,38 @@ impl EngineArgs {
             Search::Full => SearchRegion::Full,
             Search::Auto => SearchRegion::Adaptive,
         };
-        TrackerOptions { threads: self.threads, cores: self.cores(), search, ..TrackerOptions::of(model) }
+        TrackerOptions {
+            threads: self.threads,
+            cores: self.cores(),
+            search,
+            ..TrackerOptions::of(model)
+        }
     }
 
     /// Random weights as they are to run; bytes only if asked for, with ranges out of the air.
     pub fn random_model(&self, mut weights: Weights) -> Result<Model, ModelError> {
         let layers = weights.header.architecture.layers().into_iter();
         let convs = layers.filter(|layer| layer.kind == LayerKind::Conv && layer.kernel > 1);
-        let inputs: BTreeMap<_, _> =
-            convs.map(|layer| (layer.name, Range { low: -4.0, high: 4.0 })).collect();
-        weights.header.calibration = Some(Calibration { method: "none".into(), inputs });
-        Model::with_precision(&weights, self.isa(), self.precision.unwrap_or(Precision::F32))
+        let inputs: BTreeMap<_, _> = convs
+            .map(|layer| {
+                (
+                    layer.name,
+                    Range {
+                        low: -4.0,
+                        high: 4.0,
+                    },
+                )
+            })
+            .collect();
+        weights.header.calibration = Some(Calibration {
+            method: "none".into(),
+            inputs,
+        });
+        Model::with_precision(
+            &weights,
+            self.isa(),
+            self.precision.unwrap_or(Precision::F32),
+        )
     }
 }
 
@@ -169,7 +192,9 @@ impl Mode {
     /// The mode of this name.
     #[cfg(feature = "serve")]
     pub fn from_name(name: &str) -> Option<Mode> {
-        [Mode::Paper, Mode::Flight].into_iter().find(|mode| mode.name() == name)
+        [Mode::Paper, Mode::Flight]
+            .into_iter()
+            .find(|mode| mode.name() == name)
     }
 }
 
@@ -237,7 +262,11 @@ impl TrackArgs {
     /// The headerless format, if there is one.
     pub fn raw(&self) -> Option<RawFormat> {
         let ((width, height), pixels) = self.raw.zip(self.pix)?;
-        Some(RawFormat { width, height, pixels })
+        Some(RawFormat {
+            width,
+            height,
+            pixels,
+        })
     }
 }
 
@@ -323,12 +352,17 @@ pub enum EncoderChoice {
 impl RandomArgs {
     /// The random network asked for, if one was.
     pub fn architecture(&self) -> Result<Option<Architecture>, ModelError> {
-        let Some(widths) = self.widths else { return Ok(None) };
+        let Some(widths) = self.widths else {
+            return Ok(None);
+        };
         let standard = Encoder::standard(widths.backbone[4]);
         let encoder = match self.encoder {
             EncoderChoice::None => None,
             EncoderChoice::Three => Some(standard),
-            EncoderChoice::One => Some(Encoder { kernel: 1, ..standard }),
+            EncoderChoice::One => Some(Encoder {
+                kernel: 1,
+                ..standard
+            }),
         };
         let architecture = Architecture::new(widths, encoder);
         architecture.check()?;
@@ -337,7 +371,9 @@ impl RandomArgs {
 
     /// Random weights, if they were asked for.
     pub fn weights(&self) -> Result<Option<Weights>, ModelError> {
-        Ok(self.architecture()?.map(|architecture| Weights::random(architecture, 1)))
+        Ok(self
+            .architecture()?
+            .map(|architecture| Weights::random(architecture, 1)))
     }
 }
 
@@ -458,7 +494,10 @@ pub struct DoctorArgs {
 }
 
 fn trax_version(text: &str) -> Result<u32, String> {
-    text.parse().ok().filter(|version| [1, 3, 4].contains(version)).ok_or_else(|| "expected 1, 3 or 4".into())
+    text.parse()
+        .ok()
+        .filter(|version| [1, 3, 4].contains(version))
+        .ok_or_else(|| "expected 1, 3 or 4".into())
 }
 
 fn threads(text: &str) -> Result<usize, String> {
@@ -468,16 +507,28 @@ fn threads(text: &str) -> Result<usize, String> {
 fn cores(text: &str) -> Result<Cores, String> {
     let (cores, available): (Cores, _) = (text.parse()?, Cores::available());
     let is_there = available == Cores::ANY || cores.within(available); // where the system does not tell, it decides later
-    if is_there { Ok(cores) } else { Err(format!("expected some of the cores {available}, found {cores}")) }
+    if is_there {
+        Ok(cores)
+    } else {
+        Err(format!(
+            "expected some of the cores {available}, found {cores}"
+        ))
+    }
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|share| (0.0..=1.0).contains(share));
+    let number = text
+        .parse::<f64>()
+        .ok()
+        .filter(|share| (0.0..=1.0).contains(share));
     number.ok_or_else(|| "expected a number from 0 to 1".into())
 }
 
 fn minutes(text: &str) -> Result<f64, String> {
-    let minutes = text.parse().ok().filter(|minutes| *minutes > 0.0 && *minutes <= 1440.0);
+    let minutes = text
+        .parse()
+        .ok()
+        .filter(|minutes| *minutes > 0.0 && *minutes <= 1440.0);
     minutes.ok_or_else(|| "expected minutes above 0, at most 1440".into())
 }
 
@@ -506,7 +557,10 @@ fn isa(text: &str) -> Result<Isa, String> {
 }
 
 pub(crate) fn bbox(text: &str) -> Result<BBox, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let numbers: Option<Vec<f32>> = text
+        .split(',')
+        .map(|number| number.trim().parse().ok())
+        .collect();
     match numbers.as_deref() {
         Some(&[x, y, w, h]) if BBox::new(x, y, w, h).is_finite() => Ok(BBox::new(x, y, w, h)),
         _ => Err("expected four finite numbers: left,top,width,height".into()),
@@ -517,7 +571,9 @@ fn overlay(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     match extension.as_ref().and_then(|e| e.to_str()) {
-        Some("avi" | "mov" | "mkv" | "webm" | "jpg" | "jpeg" | "png" | "webp" | "bmp") if !path.is_dir() => {
+        Some("avi" | "mov" | "mkv" | "webm" | "jpg" | "jpeg" | "png" | "webp" | "bmp")
+            if !path.is_dir() =>
+        {
             Err("expected a folder, a .gif or a .mp4".into())
         }
         _ => Ok(path),
@@ -525,7 +581,9 @@ fn overlay(text: &str) -> Result<PathBuf, String> {
 }
 
 pub(crate) fn size(text: &str) -> Result<(usize, usize), String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    let sides = text
+        .split_once(['x', 'X'])
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     sides.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".into())
 }
 
@@ -535,7 +593,9 @@ pub(crate) fn pixel_format(text: &str) -> Result<PixelFormat, String> {
 }
 
 fn widths(text: &str) -> Result<Widths, String> {
-    let pruned = text.strip_prefix('P').and_then(|percent| percent.parse::<u8>().ok());
+    let pruned = text
+        .strip_prefix('P')
+        .and_then(|percent| percent.parse::<u8>().ok());
     let list: Option<Vec<usize>> = text.split(',').map(|number| number.parse().ok()).collect();
     let widths = match (text, pruned, list.as_deref()) {
         ("half", ..) => Widths::pruned(0.5),
@@ -551,7 +611,9 @@ fn widths(text: &str) -> Result<Widths, String> {
         },
         _ => return Err("expected half, full, P0 to P90, 6 numbers or 13 numbers".into()),
     };
-    Architecture::new(widths, None).check().map_err(|error| error.to_string())?;
+    Architecture::new(widths, None)
+        .check()
+        .map_err(|error| error.to_string())?;
     Ok(widths)
 }
 
@@ -591,7 +653,15 @@ mod tests {
     #[test]
     fn boxes() {
         assert_eq!(bbox("1, 2.5,-3,4e1"), Ok(BBox::new(1.0, 2.5, -3.0, 40.0)));
-        for text in ["", "1,2,3", "1,2,3,4,5", "1,2,3,nan", "1,2,inf,4", "a,b,c,d", "1;2;3;4"] {
+        for text in [
+            "",
+            "1,2,3",
+            "1,2,3,4,5",
+            "1,2,3,nan",
+            "1,2,inf,4",
+            "a,b,c,d",
+            "1;2;3;4",
+        ] {
             assert!(bbox(text).is_err(), "{text}");
         }
     }

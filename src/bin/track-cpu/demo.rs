@@ -76,14 +76,28 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     bar.finish_and_clear();
     film.finish()?;
 
-    let share = |hits: usize| if ious.is_empty() { 0.0 } else { hits as f64 / ious.len() as f64 };
+    let share = |hits: usize| {
+        if ious.is_empty() {
+            0.0
+        } else {
+            hits as f64 / ious.len() as f64
+        }
+    };
     let iou = ious.iter().sum::<f64>() / ious.len().max(1) as f64;
-    let precision = share(errors_px.iter().filter(|&&error| error <= PRECISE_PX).count());
+    let precision = share(
+        errors_px
+            .iter()
+            .filter(|&&error| error <= PRECISE_PX)
+            .count(),
+    );
     let fps = Times::new(&times).fps();
     let (frames, seed) = (args.frames, args.seed);
-    let summary = format!("mean IoU {iou:.3}   precision@20px {precision:.3}   {fps:.0} FPS on the CPU");
+    let summary =
+        format!("mean IoU {iou:.3}   precision@20px {precision:.3}   {fps:.0} FPS on the CPU");
     let difficulty = format!("{:?}", args.difficulty()).to_lowercase();
-    let title = format!("track-cpu demo   {difficulty} flight {seed}   {frames} frames of {width}x{height}");
+    let title = format!(
+        "track-cpu demo   {difficulty} flight {seed}   {frames} frames of {width}x{height}"
+    );
     sheet::write(&sheet, &title, &summary, &pictures)?;
     print(&format!("{title}\n{summary}"))?;
     if args.json {
@@ -95,7 +109,11 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
         });
         print(&result.to_string())?;
     }
-    eprintln!("film: {}\ncontact sheet: {}", gif.display(), sheet.display());
+    eprintln!(
+        "film: {}\ncontact sheet: {}",
+        gif.display(),
+        sheet.display()
+    );
     Ok(())
 }
 

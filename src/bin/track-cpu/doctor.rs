@@ -23,10 +23,18 @@ pub fn run(args: &DoctorArgs) -> Result<(), Failure> {
         true => print(&findings.json().to_string())?,
         false => print(&findings.text())?,
     }
-    let failed: Vec<&str> = findings.outcomes.iter().filter(|o| !o.passed()).map(|o| o.isa.name()).collect();
+    let failed: Vec<&str> = findings
+        .outcomes
+        .iter()
+        .filter(|o| !o.passed())
+        .map(|o| o.isa.name())
+        .collect();
     match failed.is_empty() {
         true => Ok(()),
-        false => Err(Failure::SelfTest(format!("{} deviate from the golden numbers", failed.join(", ")))),
+        false => Err(Failure::SelfTest(format!(
+            "{} deviate from the golden numbers",
+            failed.join(", ")
+        ))),
     }
 }
 
@@ -44,22 +52,39 @@ impl Findings {
         threads.dedup();
         let share = Duration::from_secs(1) / threads.len() as u32;
         let speeds = threads.into_iter().map(|n| (n, speed(n, share))).collect();
-        Findings { machine, outcomes: selftest::run(), speeds, ffmpeg: ffmpeg() }
+        Findings {
+            machine,
+            outcomes: selftest::run(),
+            speeds,
+            ffmpeg: ffmpeg(),
+        }
     }
 
     fn text(&self) -> String {
         let chosen = Isa::detect().name();
-        let all = Isa::available().iter().map(|isa| isa.name()).collect::<Vec<_>>().join(", ");
+        let all = Isa::available()
+            .iter()
+            .map(|isa| isa.name())
+            .collect::<Vec<_>>()
+            .join(", ");
         let verdict = |o: &Outcome| {
             let word = if o.passed() { "passed" } else { "FAILED" };
             let isa = o.isa.name();
-            format!("{isa} {word} (scores within {:.1e}, offsets within {:.1e})", o.score, o.offset)
+            format!(
+                "{isa} {word} (scores within {:.1e}, offsets within {:.1e})",
+                o.score, o.offset
+            )
         };
         let tests: Vec<String> = self.outcomes.iter().map(verdict).collect();
         let speeds: Vec<String> = self
             .speeds
             .iter()
-            .map(|(n, fps)| format!("{fps:.0} FPS on {n} thread{}", if *n == 1 { "" } else { "s" }))
+            .map(|(n, fps)| {
+                format!(
+                    "{fps:.0} FPS on {n} thread{}",
+                    if *n == 1 { "" } else { "s" }
+                )
+            })
             .collect();
         let ffmpeg = self.ffmpeg.as_deref().unwrap_or(
             "not found: video files and URLs cannot be read, nor .mp4 written; folders, pipes and GIFs work",
@@ -83,7 +108,8 @@ impl Findings {
                 "offset_deviation": rounded(f64::from(o.offset), 9),
             })
         };
-        let speed = |&(threads, fps): &(usize, f64)| json!({ "threads": threads, "fps": rounded(fps, 1) });
+        let speed =
+            |&(threads, fps): &(usize, f64)| json!({ "threads": threads, "fps": rounded(fps, 1) });
         json!({
             "machine": self.machine.json(),
             "features": features(),
@@ -100,7 +126,10 @@ impl Findings {
 /// Search passes of the built-in network per second, nearly all of a frame's work, measured for that long.
 fn speed(threads: usize, long: Duration) -> f64 {
     let model = Model::builtin(Isa::detect());
-    let sides = [model.architecture().template_size, model.architecture().search_size];
+    let sides = [
+        model.architecture().template_size,
+        model.architecture().search_size,
+    ];
     let [template, search] = sides.map(|side| vec![100; 3 * side * side]);
     let mut network = Network::new(model, threads);
     network.set_template(&template);
@@ -115,7 +144,11 @@ fn speed(threads: usize, long: Duration) -> f64 {
 
 /// The first line of what `ffmpeg -version` says.
 fn ffmpeg() -> Option<String> {
-    let output = Command::new("ffmpeg").arg("-version").stdin(Stdio::null()).output().ok()?;
+    let output = Command::new("ffmpeg")
+        .arg("-version")
+        .stdin(Stdio::null())
+        .output()
+        .ok()?;
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let line = text.lines().next()?;
     Some(line.split(" Copyright").next().unwrap_or(line).to_string())
@@ -141,11 +174,17 @@ fn features() -> Vec<&'static str> {
     let all = [
         ("neon", std::arch::is_aarch64_feature_detected!("neon")),
         ("fp16", std::arch::is_aarch64_feature_detected!("fp16")),
-        ("dotprod", std::arch::is_aarch64_feature_detected!("dotprod")),
+        (
+            "dotprod",
+            std::arch::is_aarch64_feature_detected!("dotprod"),
+        ),
         ("i8mm", std::arch::is_aarch64_feature_detected!("i8mm")),
         ("bf16", std::arch::is_aarch64_feature_detected!("bf16")),
     ];
     #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     let all: [(&str, bool); 0] = [];
-    all.into_iter().filter(|(_, found)| *found).map(|(name, _)| name).collect()
+    all.into_iter()
+        .filter(|(_, found)| *found)
+        .map(|(name, _)| name)
+        .collect()
 }

@@ -25,7 +25,10 @@ const SELF_TEST: u8 = 7;
 
 /// The table for `--help`.
 pub fn help() -> String {
-    let lines: Vec<String> = CODES.iter().map(|(code, meaning)| format!("  {code}  {meaning}")).collect();
+    let lines: Vec<String> = CODES
+        .iter()
+        .map(|(code, meaning)| format!("  {code}  {meaning}"))
+        .collect();
     format!("Exit codes:\n{}", lines.join("\n"))
 }
 
@@ -82,14 +85,20 @@ pub enum Failure {
 impl Failure {
     /// A failure to write to `path`.
     pub fn output(path: &Path, reason: impl ToString) -> Failure {
-        Failure::Output { output: path.display().to_string(), reason: reason.to_string() }
+        Failure::Output {
+            output: path.display().to_string(),
+            reason: reason.to_string(),
+        }
     }
 
     /// A failure to write to standard output; that its reader has gone is none to speak of.
     pub fn stdout(error: &std::io::Error) -> Failure {
         match error.kind() {
             ErrorKind::BrokenPipe => Failure::ClosedPipe,
-            _ => Failure::Output { output: "standard output".into(), reason: error.to_string() },
+            _ => Failure::Output {
+                output: "standard output".into(),
+                reason: error.to_string(),
+            },
         }
     }
 

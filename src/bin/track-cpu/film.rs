@@ -29,12 +29,19 @@ pub enum Film {
 impl Film {
     /// Opens a film: a GIF or video by its extension, a folder otherwise.
     pub fn create(path: &Path) -> Result<Film, Failure> {
-        let is = |extension| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension));
+        let is = |extension| {
+            path.extension()
+                .is_some_and(|found| found.eq_ignore_ascii_case(extension))
+        };
         if is("gif") {
             return Gif::create(path).map(Film::Gif);
         }
         if is("mp4") {
-            return Ok(Film::Video(Video { path: path.into(), encoder: None, size: (0, 0) }));
+            return Ok(Film::Video(Video {
+                path: path.into(),
+                encoder: None,
+                size: (0, 0),
+            }));
         }
         std::fs::create_dir_all(path).map_err(|error| Failure::output(path, error))?;
         Ok(Film::Folder(path.into()))
@@ -97,7 +104,14 @@ impl Gif {
 
     fn create(path: &Path) -> Result<Gif, Failure> {
         let file = File::create(path).map_err(|error| Failure::output(path, error))?;
-        Ok(Gif { path: path.into(), file, size: None, pictures: Vec::new(), step: 1, seen: 0 })
+        Ok(Gif {
+            path: path.into(),
+            file,
+            size: None,
+            pictures: Vec::new(),
+            step: 1,
+            seen: 0,
+        })
     }
 
     fn add(&mut self, frame: &Frame<'_>, draw: impl FnOnce(&mut Canvas)) {
@@ -129,13 +143,17 @@ impl Gif {
 
     fn finish(mut self) -> Result<(), Failure> {
         let bytes = loop {
-            let bytes = self.encode().map_err(|error| Failure::output(&self.path, error))?;
+            let bytes = self
+                .encode()
+                .map_err(|error| Failure::output(&self.path, error))?;
             if bytes.len() <= Self::MAX_BYTES || self.pictures.len() < 3 {
                 break bytes;
             }
             self.thin();
         };
-        self.file.write_all(&bytes).map_err(|error| Failure::output(&self.path, error))
+        self.file
+            .write_all(&bytes)
+            .map_err(|error| Failure::output(&self.path, error))
     }
 
     fn encode(&self) -> Result<Vec<u8>, ImageError> {
@@ -158,7 +176,11 @@ fn soften(picture: &mut RgbImage, tolerance: u8) {
     for row in picture.chunks_exact_mut(row_bytes) {
         let mut last = [row[0], row[1], row[2]];
         for pixel in row.chunks_exact_mut(3) {
-            match pixel.iter().zip(last).all(|(&a, b)| a.abs_diff(b) <= tolerance) {
+            match pixel
+                .iter()
+                .zip(last)
+                .all(|(&a, b)| a.abs_diff(b) <= tolerance)
+            {
                 true => pixel.copy_from_slice(&last),
                 false => last.copy_from_slice(pixel),
             }
@@ -181,7 +203,10 @@ impl Video {
         }
         let mut canvas = Canvas::fitted(frame, self.size.0, self.size.1);
         draw(&mut canvas);
-        let pipe = self.encoder.as_mut().and_then(|encoder| encoder.stdin.as_mut());
+        let pipe = self
+            .encoder
+            .as_mut()
+            .and_then(|encoder| encoder.stdin.as_mut());
         match pipe.map(|pipe| pipe.write_all(canvas.picture.as_raw())) {
             Some(Ok(())) => Ok(()),
             _ => Err(self.failure()),
@@ -191,7 +216,16 @@ impl Video {
     fn spawn(&self) -> Result<Child, Failure> {
         let size = format!("{}x{}", self.size.0, self.size.1);
         let mut command = Command::new("ffmpeg");
-        command.args(["-y", "-hide_banner", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
+        command.args([
+            "-y",
+            "-hide_banner",
+            "-loglevel",
+            "error",
+            "-f",
+            "rawvideo",
+            "-pix_fmt",
+            "rgb24",
+        ]);
         command.args(["-s", &size, "-r", &RATE.to_string(), "-i", "pipe:0"]);
         // Most encoders want even sides.
         command.args([
@@ -221,11 +255,16 @@ impl Video {
             encoder.wait().ok()
         });
         let status = status.map_or("lost".into(), |status| status.to_string());
-        Failure::output(&self.path, format!("ffmpeg failed to write the video ({status})"))
+        Failure::output(
+            &self.path,
+            format!("ffmpeg failed to write the video ({status})"),
+        )
     }
 
     fn finish(mut self) -> Result<(), Failure> {
-        let Some(encoder) = &mut self.encoder else { return Ok(()) };
+        let Some(encoder) = &mut self.encoder else {
+            return Ok(());
+        };
         drop(encoder.stdin.take());
         match encoder.wait() {
             Ok(status) if status.success() => Ok(()),
@@ -244,9 +283,17 @@ mod tests {
         let mut picture = RgbImage::from_fn(64, 3, |x, y| Rgb([(x * 5) as u8, (x * y) as u8, 9]));
         let before = picture.clone();
         soften(&mut picture, 7);
-        assert!(before.iter().zip(picture.iter()).all(|(a, b)| a.abs_diff(*b) <= 7));
+        assert!(
+            before
+                .iter()
+                .zip(picture.iter())
+                .all(|(a, b)| a.abs_diff(*b) <= 7)
+        );
         let different = |p: &RgbImage| {
-            p.rows().flat_map(|row| row.map(|p| p.0)).collect::<std::collections::HashSet<_>>().len()
+            p.rows()
+                .flat_map(|row| row.map(|p| p.0))
+                .collect::<std::collections::HashSet<_>>()
+                .len()
         };
         assert!(different(&picture) < different(&before));
     }
@@ -258,10 +305,17 @@ mod tests {
         let pixels: Vec<u8> = vec![0; 4];
         for i in 0..1000u32 {
             let frame = Frame::new(&pixels, 2, 2, track_cpu::ChannelOrder::Gray).unwrap();
-            gif.add(&frame, |canvas| *canvas.picture.get_pixel_mut(0, 0) = Rgb([(i / 8) as u8, 0, 0]));
+            gif.add(&frame, |canvas| {
+                *canvas.picture.get_pixel_mut(0, 0) = Rgb([(i / 8) as u8, 0, 0])
+            });
         }
         assert_eq!((gif.step, gif.pictures.len()), (8, 125));
-        assert!(gif.pictures.iter().enumerate().all(|(i, p)| p.get_pixel(0, 0).0[0] == i as u8));
+        assert!(
+            gif.pictures
+                .iter()
+                .enumerate()
+                .all(|(i, p)| p.get_pixel(0, 0).0[0] == i as u8)
+        );
         gif.finish().unwrap();
         assert!(std::fs::metadata(&path).unwrap().len() > 1000);
         std::fs::remove_file(&path).unwrap();

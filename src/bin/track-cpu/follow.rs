@@ -36,7 +36,11 @@ impl Follower {
             Mode::Paper => Follower::Paper(Box::new(Tracker::with_options(model, options))),
             Mode::Flight => {
                 let (threads, cores) = (engine.threads, engine.cores());
-                let options = FlightOptions { threads, cores, ..FlightOptions::new(&model) };
+                let options = FlightOptions {
+                    threads,
+                    cores,
+                    ..FlightOptions::new(&model)
+                };
                 Follower::Flight(Box::new(FlightTracker::new(model, options)?))
             }
         })
@@ -49,9 +53,15 @@ impl Follower {
     pub fn start(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<Found, TrackError> {
         let sureness = match self {
             Follower::Paper(tracker) => tracker.init(frame, bbox).map(|()| None)?,
-            Follower::Flight(tracker) => tracker.init(frame, bbox).map(|()| Some((1.0, State::Tracking)))?,
+            Follower::Flight(tracker) => tracker
+                .init(frame, bbox)
+                .map(|()| Some((1.0, State::Tracking)))?,
         };
-        Ok(Found { bbox, score: None, sureness })
+        Ok(Found {
+            bbox,
+            score: None,
+            sureness,
+        })
     }
 
     /// Finds it in the next frame.
@@ -62,12 +72,20 @@ impl Follower {
         Ok(match self {
             Follower::Paper(tracker) => {
                 let track = tracker.update(frame)?;
-                Found { bbox: track.bbox, score: Some(track.score), sureness: None }
+                Found {
+                    bbox: track.bbox,
+                    score: Some(track.score),
+                    sureness: None,
+                }
             }
             Follower::Flight(tracker) => {
                 let track = tracker.update(frame, Budget::Searches(SEARCHES))?;
                 let sureness = Some((track.presence, track.state));
-                Found { bbox: track.bbox, score: Some(track.score), sureness }
+                Found {
+                    bbox: track.bbox,
+                    score: Some(track.score),
+                    sureness,
+                }
             }
         })
     }

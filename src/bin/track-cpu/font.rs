@@ -10,7 +10,12 @@ const ROWS: usize = 9;
 /// The rows of a letter from the top, its leftmost pixel in bit 4; a hollow box for letters that are not here.
 pub fn glyph(letter: char) -> [u8; ROWS] {
     let found = GLYPHS.iter().find(|(l, _)| *l == letter);
-    found.map_or([0b11111, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b11111, 0, 0], |&(_, rows)| rows)
+    found.map_or(
+        [
+            0b11111, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b11111, 0, 0,
+        ],
+        |&(_, rows)| rows,
+    )
 }
 
 #[rustfmt::skip]

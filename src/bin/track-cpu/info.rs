@@ -22,8 +22,20 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
 
 fn as_text(header: &Header) -> String {
     let architecture = &header.architecture;
-    let mega = |macs: u64| if macs == 0 { "-".into() } else { format!("{:.1}", macs as f64 / 1e6) };
-    let count = |n: usize| if n == 0 { "-".into() } else { grouped(n as u64) };
+    let mega = |macs: u64| {
+        if macs == 0 {
+            "-".into()
+        } else {
+            format!("{:.1}", macs as f64 / 1e6)
+        }
+    };
+    let count = |n: usize| {
+        if n == 0 {
+            "-".into()
+        } else {
+            grouped(n as u64)
+        }
+    };
     let mut rows: Vec<Vec<String>> = architecture
         .layers()
         .iter()
@@ -52,9 +64,22 @@ fn as_text(header: &Header) -> String {
         mega(architecture.macs_template()),
         mega(architecture.macs_search()),
     ]);
-    let columns =
-        ["layer", "kernel", "channels", "template", "search", "parameters", "MMAC template", "MMAC search"];
-    format!("{}\n\n{}\n\n{}", about(header), table(&columns, &rows), NOTES)
+    let columns = [
+        "layer",
+        "kernel",
+        "channels",
+        "template",
+        "search",
+        "parameters",
+        "MMAC template",
+        "MMAC search",
+    ];
+    format!(
+        "{}\n\n{}\n\n{}",
+        about(header),
+        table(&columns, &rows),
+        NOTES
+    )
 }
 
 const NOTES: &str = "\
@@ -78,9 +103,24 @@ fn about(header: &Header) -> String {
     }
     add("widths", a.widths.all().map(|w| w.to_string()).join(","));
     add("encoder", encoder(a));
-    add("pruning ratio", header.pruning_ratio.map_or("no single one".into(), |ratio| ratio.to_string()));
-    add("crops", format!("template {}, search {}", a.template_size, a.search_size));
-    add("score map", format!("{0}x{0} cells, {1} pixels apart", a.score_size(), Architecture::TOTAL_STRIDE));
+    add(
+        "pruning ratio",
+        header
+            .pruning_ratio
+            .map_or("no single one".into(), |ratio| ratio.to_string()),
+    );
+    add(
+        "crops",
+        format!("template {}, search {}", a.template_size, a.search_size),
+    );
+    add(
+        "score map",
+        format!(
+            "{0}x{0} cells, {1} pixels apart",
+            a.score_size(),
+            Architecture::TOTAL_STRIDE
+        ),
+    );
     let t = &header.tracker;
     add(
         "tracker",
@@ -96,7 +136,13 @@ fn about(header: &Header) -> String {
             t.online_filter
         ),
     );
-    add("input", format!("BGR, mean {:?}, std {:?}", header.input.mean, header.input.std));
+    add(
+        "input",
+        format!(
+            "BGR, mean {:?}, std {:?}",
+            header.input.mean, header.input.std
+        ),
+    );
     add("storage", storage(header).into());
     rows.join("\n")
 }
@@ -172,15 +218,24 @@ fn kernel(layer: &Layer) -> String {
 }
 
 fn side(side: usize) -> String {
-    if side == 0 { "-".into() } else { format!("{side}x{side}") }
+    if side == 0 {
+        "-".into()
+    } else {
+        format!("{side}x{side}")
+    }
 }
 
 fn encoder(architecture: &Architecture) -> String {
     architecture.encoder.map_or("none".into(), |e| {
         let shared = if e.shared { "shared" } else { "one per branch" };
         let layers = if e.layers == 1 { "1 layer" } else { "2 layers" };
-        let position = format!("{:?}", e.position).to_lowercase().replace("neck", " the neck");
-        format!("{0}x{0}, {1} channels, {layers}, {shared}, {position}", e.kernel, e.width)
+        let position = format!("{:?}", e.position)
+            .to_lowercase()
+            .replace("neck", " the neck");
+        format!(
+            "{0}x{0}, {1} channels, {layers}, {shared}, {position}",
+            e.kernel, e.width
+        )
     })
 }
 

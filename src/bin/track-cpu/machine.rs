@@ -38,11 +38,13 @@ impl Machine {
         let read = |path: &str| std::fs::read_to_string(path).ok();
         let memory = read("/proc/meminfo").and_then(|text| kibibytes(&text, "MemTotal"));
         let governor = read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");
-        let flags = read("/proc/cpuinfo").and_then(|text| field(&text, "flags").map(str::to_string));
+        let flags =
+            read("/proc/cpuinfo").and_then(|text| field(&text, "flags").map(str::to_string));
         Machine {
             memory_mib: memory.map(|kibibytes| kibibytes / 1024),
             governor: governor.map(|text| text.trim().to_string()),
-            virtual_machine: flags.is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
+            virtual_machine: flags
+                .is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
             load: read("/proc/loadavg").and_then(|text| text.split(' ').next()?.parse().ok()),
             cpu: cpu_model().unwrap_or_else(|| arch.into()),
             cores: std::thread::available_parallelism().map_or(1, |n| n.get()),
@@ -70,8 +72,22 @@ impl Machine {
 
 impl std::fmt::Display for Machine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Machine { cpu, cores, os, memory_mib, governor, virtual_machine, load, version, build } = self;
-        write!(f, "{cpu}, {cores} core{}", if *cores == 1 { "" } else { "s" })?;
+        let Machine {
+            cpu,
+            cores,
+            os,
+            memory_mib,
+            governor,
+            virtual_machine,
+            load,
+            version,
+            build,
+        } = self;
+        write!(
+            f,
+            "{cpu}, {cores} core{}",
+            if *cores == 1 { "" } else { "s" }
+        )?;
         if *virtual_machine {
             write!(f, " of a virtual machine")?;
         }
@@ -103,12 +119,19 @@ pub fn peak_memory() -> Option<u64> {
 
 /// The number of a line `key: 1234 kB`.
 fn kibibytes(text: &str, key: &str) -> Option<u64> {
-    field(text, key)?.split_ascii_whitespace().next()?.parse().ok()
+    field(text, key)?
+        .split_ascii_whitespace()
+        .next()?
+        .parse()
+        .ok()
 }
 
 /// The value of the first `key : value` line.
 fn field<'a>(text: &'a str, key: &str) -> Option<&'a str> {
-    text.lines().filter_map(|line| line.split_once(':')).find(|(k, _)| k.trim() == key).map(|(_, v)| v.trim())
+    text.lines()
+        .filter_map(|line| line.split_once(':'))
+        .find(|(k, _)| k.trim() == key)
+        .map(|(_, v)| v.trim())
 }
 
 #[cfg(test)]
@@ -121,7 +144,10 @@ mod tests {
         assert_eq!(field(text, "model name"), Some("A CPU: fast"));
         assert_eq!(field(text, "VmHWM"), Some("1234 kB"));
         assert_eq!(field(text, "missing"), None);
-        assert_eq!((kibibytes(text, "VmHWM"), kibibytes(text, "model name")), (Some(1234), None));
+        assert_eq!(
+            (kibibytes(text, "VmHWM"), kibibytes(text, "model name")),
+            (Some(1234), None)
+        );
     }
 
     #[cfg(target_os = "linux")]

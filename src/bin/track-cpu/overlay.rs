@@ -41,12 +41,20 @@ impl Canvas {
             picture = imageops::thumbnail(&picture, width, height);
         }
         let scale = (width as f32 / w as f32, height as f32 / h as f32);
-        Canvas { picture, scale, unit: (width as i32 / 500).max(1) }
+        Canvas {
+            picture,
+            scale,
+            unit: (width as i32 / 500).max(1),
+        }
     }
 
     /// A canvas of one color, drawn on in its own pixels.
     pub fn blank(width: u32, height: u32, color: Rgb<u8>) -> Canvas {
-        Canvas { picture: RgbImage::from_pixel(width, height, color), scale: (1.0, 1.0), unit: 1 }
+        Canvas {
+            picture: RgbImage::from_pixel(width, height, color),
+            scale: (1.0, 1.0),
+            unit: 1,
+        }
     }
 
     /// A thin white outline: where the object really is.
@@ -58,26 +66,56 @@ impl Canvas {
     /// A bold outline with its score in figures and as a bar: where the tracker sees the object.
     pub fn found(&mut self, bbox: &BBox, score: Option<f32>) {
         let (edges @ [x0, y0, x1, y1], t) = (self.edges(bbox), 2 * self.unit);
-        self.outline([x0 - t - 1, y0 - t - 1, x1 + t + 1, y1 + t + 1], t + 2, BLACK, 0.45);
+        self.outline(
+            [x0 - t - 1, y0 - t - 1, x1 + t + 1, y1 + t + 1],
+            t + 2,
+            BLACK,
+            0.45,
+        );
         self.outline([x0 - t, y0 - t, x1 + t, y1 + t], t, AMBER, 1.0);
         let Some(score) = score else { return };
         let text = format!("{score:.2}");
-        let (w, h) = (text_width(&text, self.unit) + 4 * self.unit, (font::HEIGHT as i32 + 6) * self.unit);
+        let (w, h) = (
+            text_width(&text, self.unit) + 4 * self.unit,
+            (font::HEIGHT as i32 + 6) * self.unit,
+        );
         let x = (edges[0] - t).clamp(0, (self.picture.width() as i32 - w).max(0));
         let above = y0 - t - h - self.unit;
-        let y = if above >= 0 { above } else { y1 + t + self.unit };
+        let y = if above >= 0 {
+            above
+        } else {
+            y1 + t + self.unit
+        };
         self.fill([x, y, x + w, y + h], BLACK, 0.6);
-        self.text(x + 2 * self.unit, y + 2 * self.unit, &text, self.unit, WHITE);
+        self.text(
+            x + 2 * self.unit,
+            y + 2 * self.unit,
+            &text,
+            self.unit,
+            WHITE,
+        );
         let color = mix(RED, AMBER, score);
         let bar = ((w - 4 * self.unit) as f32 * score.clamp(0.0, 1.0)).round() as i32;
         let bottom = y + h - self.unit;
-        self.fill([x + 2 * self.unit, bottom - 2 * self.unit, x + 2 * self.unit + bar, bottom], color, 1.0);
+        self.fill(
+            [
+                x + 2 * self.unit,
+                bottom - 2 * self.unit,
+                x + 2 * self.unit + bar,
+                bottom,
+            ],
+            color,
+            1.0,
+        );
     }
 
     /// A line of text on a dark plate in the lower left corner.
     pub fn caption(&mut self, text: &str) {
         let (margin, height) = (3 * self.unit, self.picture.height() as i32);
-        let (w, h) = (text_width(text, self.unit) + 2 * margin, font::HEIGHT as i32 * self.unit + 2 * margin);
+        let (w, h) = (
+            text_width(text, self.unit) + 2 * margin,
+            font::HEIGHT as i32 * self.unit + 2 * margin,
+        );
         self.fill([0, height - h, w, height], BLACK, 0.6);
         self.text(margin, height - h + margin, text, self.unit, WHITE);
     }
@@ -122,7 +160,12 @@ impl Canvas {
         let (sx, sy) = self.scale;
         // Far outside is as good as outside, and keeps the sums above from overflowing.
         let at = |v: f32| v.round().clamp(-1e6, 1e6) as i32;
-        [at(bbox.x * sx), at(bbox.y * sy), at((bbox.x + bbox.w) * sx), at((bbox.y + bbox.h) * sy)]
+        [
+            at(bbox.x * sx),
+            at(bbox.y * sy),
+            at((bbox.x + bbox.w) * sx),
+            at((bbox.y + bbox.h) * sy),
+        ]
     }
 }
 
@@ -134,8 +177,13 @@ pub fn text_width(text: &str, unit: i32) -> i32 {
 /// `share` of `over`, the rest of `under`.
 fn mix(under: Rgb<u8>, over: Rgb<u8>, share: f32) -> Rgb<u8> {
     let share = share.clamp(0.0, 1.0);
-    let channel = |i: usize| f32::from(under.0[i]) + (f32::from(over.0[i]) - f32::from(under.0[i])) * share;
-    Rgb([channel(0).round() as u8, channel(1).round() as u8, channel(2).round() as u8])
+    let channel =
+        |i: usize| f32::from(under.0[i]) + (f32::from(over.0[i]) - f32::from(under.0[i])) * share;
+    Rgb([
+        channel(0).round() as u8,
+        channel(1).round() as u8,
+        channel(2).round() as u8,
+    ])
 }
 
 #[cfg(test)]
@@ -152,7 +200,11 @@ mod tests {
             (ChannelOrder::Bgra, &[3, 2, 1, 9]),
         ] {
             let frame = Frame::new(pixel, 1, 1, order).unwrap();
-            assert_eq!(Canvas::new(&frame).picture.get_pixel(0, 0).0, [1, 2, 3], "{order:?}");
+            assert_eq!(
+                Canvas::new(&frame).picture.get_pixel(0, 0).0,
+                [1, 2, 3],
+                "{order:?}"
+            );
         }
         let gray = Frame::new(&[7], 1, 1, ChannelOrder::Gray).unwrap();
         assert_eq!(Canvas::new(&gray).picture.get_pixel(0, 0).0, [7, 7, 7]);
@@ -163,9 +215,13 @@ mod tests {
         let mut canvas = Canvas::blank(40, 30, BLACK);
         canvas.truth(&BBox::new(10.0, 8.0, 20.0, 10.0));
         let lit = |canvas: &Canvas, x, y| canvas.picture.get_pixel(x, y).0[0] > 100;
-        for (x, y, expected) in
-            [(10, 8, true), (29, 17, true), (9, 8, false), (30, 17, false), (20, 12, false)]
-        {
+        for (x, y, expected) in [
+            (10, 8, true),
+            (29, 17, true),
+            (9, 8, false),
+            (30, 17, false),
+            (20, 12, false),
+        ] {
             assert_eq!(lit(&canvas, x, y), expected, "({x}, {y})");
         }
     }
@@ -173,7 +229,17 @@ mod tests {
     #[test]
     fn boxes_anywhere_are_drawn_without_a_panic() {
         let mut canvas = Canvas::blank(20, 10, BLACK);
-        for v in [-1e30, -50.0, -1.0, 0.0, 0.5, 19.0, 1e30, f32::NAN, f32::INFINITY] {
+        for v in [
+            -1e30,
+            -50.0,
+            -1.0,
+            0.0,
+            0.5,
+            19.0,
+            1e30,
+            f32::NAN,
+            f32::INFINITY,
+        ] {
             for size in [0.0, 0.1, 1.0, 30.0, 1e30, f32::NAN] {
                 canvas.found(&BBox::new(v, v, size, size), Some(v));
                 canvas.truth(&BBox::new(v, -v, size, size));

@@ -42,12 +42,22 @@ impl Painter {
             // Whatever happened, the film of what there was is completed.
             done.and(film.finish())
         });
-        Ok(Painter { jobs, drawn, thread })
+        Ok(Painter {
+            jobs,
+            drawn,
+            thread,
+        })
     }
 
     /// Has a frame drawn; `false` if the film has failed, for which [`finish`](Self::finish) has the reason.
     pub fn add(&self, index: usize, image: Image, found: Found) -> bool {
-        self.jobs.send(Job { index, image, found }).is_ok()
+        self.jobs
+            .send(Job {
+                index,
+                image,
+                found,
+            })
+            .is_ok()
     }
 
     /// Pictures that are not needed any more.
@@ -58,15 +68,26 @@ impl Painter {
     /// Waits for the last frame and completes the film.
     pub fn finish(self) -> Result<(), Failure> {
         drop(self.jobs);
-        self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        self.thread
+            .join()
+            .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
 }
 
 fn draw(film: &mut Film, job: Job) -> Result<Image, Failure> {
-    let Job { index, image, found } = job;
+    let Job {
+        index,
+        image,
+        found,
+    } = job;
     film.add(index, &image.frame(), |canvas| {
-        canvas.found(&found.bbox, found.sureness.map(|(presence, _)| presence).or(found.score));
-        let state = found.sureness.map_or(String::new(), |(_, state)| format!(" {}", state.name()));
+        canvas.found(
+            &found.bbox,
+            found.sureness.map(|(presence, _)| presence).or(found.score),
+        );
+        let state = found
+            .sureness
+            .map_or(String::new(), |(_, state)| format!(" {}", state.name()));
         canvas.caption(&format!("#{index}{state}"));
     })?;
     Ok(image)

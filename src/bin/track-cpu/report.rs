@@ -34,8 +34,14 @@ pub fn grouped(number: u64) -> String {
 /// A progress bar on standard error; hidden where that is no terminal. `None` frames: it counts without an end.
 pub fn progress(frames: Option<usize>) -> ProgressBar {
     let (bar, template) = match frames {
-        Some(frames) => (ProgressBar::new(frames as u64), "{wide_bar:.yellow} {pos}/{len} {per_sec} {eta}"),
-        None => (ProgressBar::new_spinner(), "{spinner:.yellow} {pos} {per_sec}"),
+        Some(frames) => (
+            ProgressBar::new(frames as u64),
+            "{wide_bar:.yellow} {pos}/{len} {per_sec} {eta}",
+        ),
+        None => (
+            ProgressBar::new_spinner(),
+            "{spinner:.yellow} {pos} {per_sec}",
+        ),
     };
     match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style),
@@ -62,7 +68,10 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         text.trim_end().to_string()
     };
     let mut lines = vec![line(&mut header.iter().copied())];
-    lines.extend(rows.iter().map(|row| line(&mut row.iter().map(String::as_str))));
+    lines.extend(
+        rows.iter()
+            .map(|row| line(&mut row.iter().map(String::as_str))),
+    );
     lines.join("\n")
 }
 
@@ -72,7 +81,12 @@ mod tests {
 
     #[test]
     fn numbers() {
-        for (number, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (7_489_986, "7,489,986")] {
+        for (number, text) in [
+            (0, "0"),
+            (999, "999"),
+            (1000, "1,000"),
+            (7_489_986, "7,489,986"),
+        ] {
             assert_eq!(grouped(number), text);
         }
         assert_eq!(rounded(0.12345, 3), 0.123);
@@ -81,7 +95,13 @@ mod tests {
 
     #[test]
     fn tables_align() {
-        let rows = [vec!["conv1".into(), "7".into()], vec!["x".into(), "1000".into()]];
-        assert_eq!(table(&["layer", "n"], &rows), "layer     n\nconv1     7\nx      1000");
+        let rows = [
+            vec!["conv1".into(), "7".into()],
+            vec!["x".into(), "1000".into()],
+        ];
+        assert_eq!(
+            table(&["layer", "n"], &rows),
+            "layer     n\nconv1     7\nx      1000"
+        );
     }
 }

@@ -32,7 +32,10 @@ impl Outcome {
 
 /// Runs the built-in model on every instruction set of this machine.
 pub fn run() -> Vec<Outcome> {
-    Isa::available().into_iter().map(|isa| compare(isa, &outputs(isa), GOLDEN)).collect()
+    Isa::available()
+        .into_iter()
+        .map(|isa| compare(isa, &outputs(isa), GOLDEN))
+        .collect()
 }
 
 /// The golden file as this machine's portable kernels would write it.
@@ -40,7 +43,10 @@ pub fn golden() -> String {
     let outputs = outputs(Isa::available()[0]);
     let mut text = String::new();
     for cell in (0..outputs.score.len()).step_by(STEP) {
-        let ltrb = outputs.ltrb[4 * cell..][..4].iter().map(|v| format!(" {v:.5}")).collect::<String>();
+        let ltrb = outputs.ltrb[4 * cell..][..4]
+            .iter()
+            .map(|v| format!(" {v:.5}"))
+            .collect::<String>();
         text += &format!("{cell} {:.7}{ltrb}\n", outputs.score[cell]);
     }
     text
@@ -49,28 +55,45 @@ pub fn golden() -> String {
 fn outputs(isa: Isa) -> Outputs {
     let (template, search) = crops();
     let model = Model::with_precision(&Model::builtin_weights(), isa, Precision::F32);
-    let mut network = Network::new(model.expect("the built-in weights fit their architecture"), 1);
+    let mut network = Network::new(
+        model.expect("the built-in weights fit their architecture"),
+        1,
+    );
     network.set_template(&template);
     network.search(&search).clone()
 }
 
 fn compare(isa: Isa, outputs: &Outputs, golden: &str) -> Outcome {
-    let mut outcome = Outcome { isa, score: 0.0, offset: 0.0 };
+    let mut outcome = Outcome {
+        isa,
+        score: 0.0,
+        offset: 0.0,
+    };
     if golden.lines().count() != outputs.score.len().div_ceil(STEP) {
         outcome.score = f32::NAN; // golden numbers of another network
     }
     for line in golden.lines() {
-        let numbers: Vec<f32> = line.split(' ').filter_map(|number| number.parse().ok()).collect();
+        let numbers: Vec<f32> = line
+            .split(' ')
+            .filter_map(|number| number.parse().ok())
+            .collect();
         let cell = numbers.first().map_or(usize::MAX, |&cell| cell as usize);
-        let found = (outputs.score.get(cell), outputs.ltrb.chunks_exact(4).nth(cell));
-        let (&[_, score, l, t, r, b], (Some(found_score), Some(found_ltrb))) = (numbers.as_slice(), found)
+        let found = (
+            outputs.score.get(cell),
+            outputs.ltrb.chunks_exact(4).nth(cell),
+        );
+        let (&[_, score, l, t, r, b], (Some(found_score), Some(found_ltrb))) =
+            (numbers.as_slice(), found)
         else {
             outcome.score = f32::NAN;
             continue;
         };
         outcome.score = worse(outcome.score, (found_score - score).abs());
         for (found, expected) in found_ltrb.iter().zip([l, t, r, b]) {
-            outcome.offset = worse(outcome.offset, (found - expected).abs() / expected.abs().max(1.0));
+            outcome.offset = worse(
+                outcome.offset,
+                (found - expected).abs() / expected.abs().max(1.0),
+            );
         }
     }
     outcome
@@ -94,11 +117,17 @@ fn crop(side: i32, cx: i32, cy: i32) -> Vec<u8> {
             let (u, v) = (x - cx, y - cy);
             let noise = (x * 7919 + y * 104_729 + x * y * 31) % 23;
             bgr.extend(match (u.abs(), v.abs()) {
-                (0..=20, 0..=11) if (4..=10).contains(&u) => [90, 70, 60].map(|c| (c + noise / 4) as u8),
+                (0..=20, 0..=11) if (4..=10).contains(&u) => {
+                    [90, 70, 60].map(|c| (c + noise / 4) as u8)
+                }
                 (0..=20, 0..=11) => [50, 60, 205].map(|c| (c + noise) as u8),
                 (0..=24, 0..=15) => [40, 52, 48].map(|c| (c + noise / 2) as u8),
                 _ => {
-                    let furrow = if (u + 2 * v).rem_euclid(24) < 12 { 0 } else { 14 };
+                    let furrow = if (u + 2 * v).rem_euclid(24) < 12 {
+                        0
+                    } else {
+                        14
+                    };
                     [70, 118, 96].map(|c| (c + furrow + noise) as u8)
                 }
             });

@@ -14,10 +14,18 @@ const PAPER: Rgb<u8> = Rgb([24, 26, 30]);
 const FAINT: Rgb<u8> = Rgb([150, 155, 165]);
 
 /// Writes pictures of equal size as a PNG, four in a row, with a title and the colors' meaning above.
-pub fn write(path: &Path, title: &str, subtitle: &str, pictures: &[RgbImage]) -> Result<(), Failure> {
+pub fn write(
+    path: &Path,
+    title: &str,
+    subtitle: &str,
+    pictures: &[RgbImage],
+) -> Result<(), Failure> {
     let (w, h) = pictures.first().map_or((0, 0), RgbImage::dimensions);
     let rows = (pictures.len() as u32).div_ceil(COLUMNS);
-    let (width, height) = (COLUMNS * (w + MARGIN) + MARGIN, TITLE_HEIGHT + rows * (h + MARGIN) + 2 * MARGIN);
+    let (width, height) = (
+        COLUMNS * (w + MARGIN) + MARGIN,
+        TITLE_HEIGHT + rows * (h + MARGIN) + 2 * MARGIN,
+    );
     let mut sheet = Canvas::blank(width, height, PAPER);
     let left = MARGIN as i32;
     sheet.text(left, left, title, 3, WHITE);
@@ -25,10 +33,16 @@ pub fn write(path: &Path, title: &str, subtitle: &str, pictures: &[RgbImage]) ->
     legend(&mut sheet, width as i32 - left);
     for (i, picture) in pictures.iter().enumerate() {
         let (column, row) = (i as u32 % COLUMNS, i as u32 / COLUMNS);
-        let (x, y) = (MARGIN + column * (w + MARGIN), TITLE_HEIGHT + 2 * MARGIN + row * (h + MARGIN));
+        let (x, y) = (
+            MARGIN + column * (w + MARGIN),
+            TITLE_HEIGHT + 2 * MARGIN + row * (h + MARGIN),
+        );
         imageops::replace(&mut sheet.picture, picture, i64::from(x), i64::from(y));
     }
-    sheet.picture.save(path).map_err(|error| Failure::output(path, error))
+    sheet
+        .picture
+        .save(path)
+        .map_err(|error| Failure::output(path, error))
 }
 
 /// What the colors mean, right-aligned.
@@ -38,7 +52,11 @@ fn legend(sheet: &mut Canvas, right: i32) {
         x -= text_width(text, 2);
         sheet.text(x, 14, text, 2, color);
         x -= 36;
-        sheet.fill([x, 21 - thickness / 2, x + 26, 21 + thickness / 2], color, 1.0);
+        sheet.fill(
+            [x, 21 - thickness / 2, x + 26, 21 + thickness / 2],
+            color,
+            1.0,
+        );
         x -= 24;
     }
 }

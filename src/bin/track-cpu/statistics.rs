@@ -23,21 +23,41 @@ impl Times {
             block.sort_by(f64::total_cmp);
             block[block.len() / 2]
         };
-        let blocks = sorted.chunks(sorted.len().div_ceil(BLOCKS).max(1)).map(middle).collect();
+        let blocks = sorted
+            .chunks(sorted.len().div_ceil(BLOCKS).max(1))
+            .map(middle)
+            .collect();
         sorted.sort_by(f64::total_cmp);
         let total = sorted.iter().sum();
-        let rates = sorted.iter().filter(|time| **time > 0.0).map(|time| 1e3 / time).sum();
-        Times { sorted, total, rates, blocks }
+        let rates = sorted
+            .iter()
+            .filter(|time| **time > 0.0)
+            .map(|time| 1e3 / time)
+            .sum();
+        Times {
+            sorted,
+            total,
+            rates,
+            blocks,
+        }
     }
 
     /// Frames per second: frames divided by their total time, not the mean of rates. 0 without frames.
     pub fn fps(&self) -> f64 {
-        if self.total > 0.0 { self.sorted.len() as f64 / self.total * 1e3 } else { 0.0 }
+        if self.total > 0.0 {
+            self.sorted.len() as f64 / self.total * 1e3
+        } else {
+            0.0
+        }
     }
 
     /// Mean of the frames' own rates: the got10k toolkit's figure, never below [`fps`](Self::fps). 0 without frames.
     pub fn mean_of_rates(&self) -> f64 {
-        if self.sorted.is_empty() { 0.0 } else { self.rates / self.sorted.len() as f64 }
+        if self.sorted.is_empty() {
+            0.0
+        } else {
+            self.rates / self.sorted.len() as f64
+        }
     }
 
     /// Medians of up to ten equal blocks of consecutive frames, in milliseconds: how steady the run was.
@@ -47,7 +67,11 @@ impl Times {
 
     /// Mean in milliseconds; 0 without frames.
     pub fn mean(&self) -> f64 {
-        if self.sorted.is_empty() { 0.0 } else { self.total / self.sorted.len() as f64 }
+        if self.sorted.is_empty() {
+            0.0
+        } else {
+            self.total / self.sorted.len() as f64
+        }
     }
 
     /// The time that a share of the frames does not exceed (nearest rank), in milliseconds; 0 without frames.
@@ -77,7 +101,10 @@ mod tests {
         assert!((uneven.fps() - 40.0).abs() < 1e-9 && (uneven.mean_of_rates() - 62.5).abs() < 1e-9);
         assert_eq!(uneven.blocks(), [10.0, 40.0]);
         let none = Times::new(&[]);
-        assert_eq!((none.fps(), none.mean(), none.percentile(0.5)), (0.0, 0.0, 0.0));
+        assert_eq!(
+            (none.fps(), none.mean(), none.percentile(0.5)),
+            (0.0, 0.0, 0.0)
+        );
         assert!(none.mean_of_rates() == 0.0 && none.blocks().is_empty());
     }
 }

@@ -23,7 +23,12 @@ const AHEAD: usize = 3;
 /// Runs the sub-command.
 pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let model = args.engine.model(args.model.as_deref())?;
-    let input = Input { location: args.input.clone(), raw: args.raw(), start: args.start, end: args.end };
+    let input = Input {
+        location: args.input.clone(),
+        raw: args.raw(),
+        start: args.start,
+        end: args.end,
+    };
     let source = Source::open(&input)?;
     // On one terminal, boxes and a bar would overwrite each other.
     let bar = match args.out.is_none() && std::io::stdout().is_terminal() {
@@ -38,8 +43,13 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let began = Instant::now();
     let mut times = Vec::new();
     let mut step = |index: usize, frames: &mut Prefetch| -> Result<bool, Failure> {
-        let Some(image) = frames.next() else { return Ok(false) };
-        let image = image.map_err(|error| Failure::Frame { frame: index, error })?;
+        let Some(image) = frames.next() else {
+            return Ok(false);
+        };
+        let image = image.map_err(|error| Failure::Frame {
+            frame: index,
+            error,
+        })?;
         let frame = image.frame();
         let started = Instant::now();
         let found = match index == args.start {
@@ -87,7 +97,9 @@ fn summarize(args: &TrackArgs, times: &[Duration], all: Duration) {
     let (frames, tracking) = (times.len() + 1, Times::new(times));
     let total = frames as f64 / all.as_secs_f64();
     let to = |path: &Option<std::path::PathBuf>, what| {
-        path.as_ref().map_or(String::new(), |path| format!("; {what} in {}", path.display()))
+        path.as_ref().map_or(String::new(), |path| {
+            format!("; {what} in {}", path.display())
+        })
     };
     eprintln!(
         "{frames} frames: {:.1} FPS tracking, {total:.1} FPS with reading and writing{}{}",
@@ -107,10 +119,16 @@ struct Boxes {
 impl Boxes {
     fn create(path: Option<&Path>, json: bool) -> Result<Boxes, Failure> {
         let out: Box<dyn Write> = match path {
-            Some(path) => Box::new(File::create(path).map_err(|error| Failure::output(path, error))?),
+            Some(path) => {
+                Box::new(File::create(path).map_err(|error| Failure::output(path, error))?)
+            }
             None => Box::new(std::io::stdout()),
         };
-        Ok(Boxes { out: LineWriter::new(out), file: path.map(|path| path.display().to_string()), json })
+        Ok(Boxes {
+            out: LineWriter::new(out),
+            file: path.map(|path| path.display().to_string()),
+            json,
+        })
     }
 
     fn write(&mut self, frame: usize, found: &Found, took: Duration) -> Result<(), Failure> {
@@ -119,8 +137,7 @@ impl Boxes {
             let numbers = [x, y, w, h].map(|v| rounded(f64::from(v), 3));
             let score = found.score.map(|score| rounded(f64::from(score), 6));
             let milliseconds = rounded(took.as_secs_f64() * 1e3, 3);
-            let mut line =
-                json!({ "frame": frame, "box": numbers, "score": score, "milliseconds": milliseconds });
+            let mut line = json!({ "frame": frame, "box": numbers, "score": score, "milliseconds": milliseconds });
             if let Some((presence, state)) = found.sureness {
                 line["presence"] = rounded(f64::from(presence), 4);
                 line["state"] = state.name().into();
@@ -130,7 +147,10 @@ impl Boxes {
             format!("{x:.3},{y:.3},{w:.3},{h:.3}")
         };
         writeln!(self.out, "{line}").map_err(|error| match &self.file {
-            Some(file) => Failure::Output { output: file.clone(), reason: error.to_string() },
+            Some(file) => Failure::Output {
+                output: file.clone(),
+                reason: error.to_string(),
+            },
             None => Failure::stdout(&error),
         })
     }

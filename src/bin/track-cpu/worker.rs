@@ -20,8 +20,14 @@ const MAX_PASSES: usize = 1_000_000;
 /// Serves until standard input ends.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let model = bench::model(args)?;
-    let (template_side, search_side) = (model.architecture().template_size, model.architecture().search_size);
-    let mut network = Network::with_threads(model, Threads::pinned(args.engine.threads, args.engine.cores()));
+    let (template_side, search_side) = (
+        model.architecture().template_size,
+        model.architecture().search_size,
+    );
+    let mut network = Network::with_threads(
+        model,
+        Threads::pinned(args.engine.threads, args.engine.cores()),
+    );
     network.set_template(&noise(template_side));
     let crop = noise(search_side);
     for _ in 0..8 {
@@ -31,11 +37,23 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let stdout = |error| Failure::stdout(&error);
     writeln!(out, "READY").map_err(stdout)?;
     for line in std::io::stdin().lock().lines() {
-        let line = line.map_err(|error| SourceError::Io { path: "standard input".into(), error })?;
-        let passes = line.trim().parse().ok().filter(|passes| *passes <= MAX_PASSES).ok_or_else(|| {
-            let reason = format!("expected a number of passes up to {MAX_PASSES}, found {line:?}");
-            SourceError::Format { input: "standard input".into(), reason }
+        let line = line.map_err(|error| SourceError::Io {
+            path: "standard input".into(),
+            error,
         })?;
+        let passes = line
+            .trim()
+            .parse()
+            .ok()
+            .filter(|passes| *passes <= MAX_PASSES)
+            .ok_or_else(|| {
+                let reason =
+                    format!("expected a number of passes up to {MAX_PASSES}, found {line:?}");
+                SourceError::Format {
+                    input: "standard input".into(),
+                    reason,
+                }
+            })?;
         let time = |_| {
             let started = Instant::now();
             network.search(&crop);

@@ -11,7 +11,12 @@ use autodiff::{BoxDecoder, Compute, Mode, Parameters, Tape, Tensor};
 use network::{Batch, Config, DrMim};
 use std::time::Instant;
 
-const HALF: Config = Config { backbone: [48, 128, 192, 192, 128], neck: 128, hidden: 256, flatten: None };
+const HALF: Config = Config {
+    backbone: [48, 128, 192, 192, 128],
+    neck: 128,
+    hidden: 256,
+    flatten: None,
+};
 
 /// Values in `[-1, 1)` that look random.
 fn noise(state: &mut u64) -> f32 {
@@ -26,14 +31,20 @@ fn batch(size: usize, items: usize, state: &mut u64) -> Batch {
     let first = ((size - 1 - (side - 1) * 8) / 2) as f32;
     let mut crops = |side: usize| {
         let shape = [items, side, side, 3];
-        Tensor::new(&shape, (0..shape.iter().product()).map(|_| noise(state)).collect())
+        Tensor::new(
+            &shape,
+            (0..shape.iter().product()).map(|_| noise(state)).collect(),
+        )
     };
     let (template, search, second_template) = (crops(127), crops(size), crops(127));
     let center = (size - 1) as f32 / 2.0;
     let truth = [center - 30.0, center - 25.0, center + 35.0, center + 30.0];
     let cell = |i: usize| [i % side, i / side].map(|n| first + 8.0 * n as f32);
     let inside = |[x, y]: [f32; 2]| x > truth[0] && x < truth[2] && y > truth[1] && y < truth[3];
-    let labels = (0..side * side).map(|i| f32::from(inside(cell(i)))).collect::<Vec<_>>().repeat(items);
+    let labels = (0..side * side)
+        .map(|i| f32::from(inside(cell(i))))
+        .collect::<Vec<_>>()
+        .repeat(items);
     let quality = labels.iter().map(|label| 0.5 * label).collect();
     let cells = [items, side * side];
     Batch {
@@ -44,7 +55,11 @@ fn batch(size: usize, items: usize, state: &mut u64) -> Batch {
         boxes: Tensor::new(&[cells[0], cells[1], 4], truth.repeat(cells[0] * cells[1])),
         labels: Tensor::new(&cells, labels),
         quality: Tensor::new(&cells, quality),
-        decoder: BoxDecoder { max_exponent: 6.0, min_iou: 1e-6, ..BoxDecoder::new(first) },
+        decoder: BoxDecoder {
+            max_exponent: 6.0,
+            min_iou: 1e-6,
+            ..BoxDecoder::new(first)
+        },
     }
 }
 
@@ -62,15 +77,22 @@ fn main() {
         .collect();
     let arg = |i: usize, default| args.get(i).copied().unwrap_or(default);
     let (size, items, threads, steps) = (arg(0, 303), arg(1, 16), arg(2, 2), arg(3, 5).max(1));
-    let compute = Compute::new(threads).expect("worker threads").with_winograd();
+    let compute = Compute::new(threads)
+        .expect("worker threads")
+        .with_winograd();
     let mut parameters = Parameters::new();
     let network = DrMim::new(&mut parameters, HALF);
     let mut state = 1;
-    for parameter in
-        parameters.iter_mut().filter(|p| p.name().ends_with("weight") && p.value.shape().len() > 1)
+    for parameter in parameters
+        .iter_mut()
+        .filter(|p| p.name().ends_with("weight") && p.value.shape().len() > 1)
     {
         let inputs = parameter.value.shape()[1..].iter().product::<usize>() as f32;
-        parameter.value.data_mut().iter_mut().for_each(|v| *v = noise(&mut state) * (6.0 / inputs).sqrt());
+        parameter
+            .value
+            .data_mut()
+            .iter_mut()
+            .for_each(|v| *v = noise(&mut state) * (6.0 / inputs).sqrt());
     }
     let batch = batch(size, items, &mut state);
     let mut sgd = Sgd::new(0.9);
@@ -81,7 +103,10 @@ fn main() {
         parameters.clear_gradients();
         let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
         let (_, losses) = network.losses(&mut tape, &mut batch);
-        let (loss, forward) = (tape.value(losses.total).item(), start.elapsed().as_secs_f64());
+        let (loss, forward) = (
+            tape.value(losses.total).item(),
+            start.elapsed().as_secs_f64(),
+        );
         tape.backward(losses.total);
         sgd.step(&compute, &mut parameters, 1e-3);
         let all = start.elapsed().as_secs_f64();

@@ -38,14 +38,20 @@ pub(crate) fn check_with(
 ) {
     let compute = Compute::new(1).unwrap();
     let mut tape = Tape::new(&compute, parameters, Mode::Training);
-    let vars: Vec<Var> = inputs.iter().map(|input| tape.input(input.clone())).collect();
+    let vars: Vec<Var> = inputs
+        .iter()
+        .map(|input| tape.input(input.clone()))
+        .collect();
     let output = operation(&mut tape, &vars);
     let factors = noise(tape.shape(output), 99);
     let gradients = tape.backward_from(output, factors.clone());
 
     let mut loss = |inputs: &[Tensor]| -> f64 {
         let mut tape = Tape::new(&compute, parameters, Mode::Training);
-        let vars: Vec<Var> = inputs.iter().map(|input| tape.constant(input.clone())).collect();
+        let vars: Vec<Var> = inputs
+            .iter()
+            .map(|input| tape.constant(input.clone()))
+            .collect();
         let output = operation(&mut tape, &vars);
         let products = tape.value(output).data().iter().zip(factors.data());
         products.map(|(y, r)| f64::from(*y) * f64::from(*r)).sum()
@@ -65,9 +71,16 @@ pub(crate) fn check_with(
                 (8.0 * near - far) / (12.0 * f64::from(step))
             })
             .collect();
-        let found = gradients.get(*var).unwrap_or_else(|| panic!("no gradient for input {n}"));
-        assert_eq!(found.shape(), inputs[n].shape(), "shape of the gradient of input {n}");
-        let rms = (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt();
+        let found = gradients
+            .get(*var)
+            .unwrap_or_else(|| panic!("no gradient for input {n}"));
+        assert_eq!(
+            found.shape(),
+            inputs[n].shape(),
+            "shape of the gradient of input {n}"
+        );
+        let rms =
+            (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt();
         for (i, (found, expected)) in found.data().iter().zip(&differences).enumerate() {
             let error = (f64::from(*found) - expected).abs();
             assert!(

@@ -56,11 +56,20 @@ impl Compute {
     /// If the system refuses to start the threads.
     pub fn with_isa(threads: usize, isa: Isa) -> Result<Compute, ThreadError> {
         let threads = threads.clamp(1, Self::MAX_THREADS);
-        let builder =
-            rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("autodiff-{i}"));
-        let workers = builder.build().map_err(|source| ThreadError { threads, source })?;
+        let builder = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("autodiff-{i}"));
+        let workers = builder
+            .build()
+            .map_err(|source| ThreadError { threads, source })?;
         let scratch = (0..threads).map(|_| Mutex::default()).collect();
-        Ok(Compute { isa, winograd: false, workers, scratch, buffers: Mutex::default() })
+        Ok(Compute {
+            isa,
+            winograd: false,
+            workers,
+            scratch,
+            buffers: Mutex::default(),
+        })
     }
 
     /// Lets convolutions take Winograd's algorithm where that is expected to be faster.
@@ -68,12 +77,19 @@ impl Compute {
     /// A step then takes little more than half the time, and values are off by some 1e-5 of their RMS in place of 1e-7: nothing to
     /// training, but more than a comparison with other code's gradients may allow, so it has to be asked for.
     pub fn with_winograd(self) -> Compute {
-        Compute { winograd: true, ..self }
+        Compute {
+            winograd: true,
+            ..self
+        }
     }
 
     /// The algorithm for a convolution of inputs of `size`.
     pub(crate) fn algorithm(&self, shape: &ConvShape, size: Size) -> Algorithm {
-        if self.winograd { Algorithm::plan(shape, size) } else { Algorithm::Direct }
+        if self.winograd {
+            Algorithm::plan(shape, size)
+        } else {
+            Algorithm::Direct
+        }
     }
 
     /// Whether Winograd's algorithm may be taken.
@@ -92,7 +108,12 @@ impl Compute {
     }
 
     /// Calls `work(i, part)` for each part of `len` values of `out`, in parallel. The last part may be shorter.
-    pub(crate) fn each<T: Send>(&self, out: &mut [T], len: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+    pub(crate) fn each<T: Send>(
+        &self,
+        out: &mut [T],
+        len: usize,
+        work: impl Fn(usize, &mut [T]) + Sync,
+    ) {
         self.workers.install(|| {
             let parts = out.par_chunks_mut(len).enumerate().with_max_len(1);
             parts.for_each(|(i, part)| work(i, part));
@@ -107,7 +128,11 @@ impl Compute {
         work: impl Fn(usize, &mut [T], &mut [U]) + Sync,
     ) {
         self.workers.install(|| {
-            let parts = a.par_chunks_mut(a_len).zip(b.par_chunks_mut(b_len)).enumerate().with_max_len(1);
+            let parts = a
+                .par_chunks_mut(a_len)
+                .zip(b.par_chunks_mut(b_len))
+                .enumerate()
+                .with_max_len(1);
             parts.for_each(|(i, (a, b))| work(i, a, b));
         });
     }
@@ -179,8 +204,10 @@ mod tests {
             let compute = Compute::new(threads).unwrap();
             assert_eq!(compute.threads(), threads);
             let mut out = vec![0; 10];
-            compute
-                .each(&mut out, 4, |i, part| part.iter_mut().for_each(|v| *v += 10 * (i + 1) + part_len(i)));
+            compute.each(&mut out, 4, |i, part| {
+                part.iter_mut()
+                    .for_each(|v| *v += 10 * (i + 1) + part_len(i))
+            });
             assert_eq!(out, [14, 14, 14, 14, 24, 24, 24, 24, 32, 32]);
         }
         fn part_len(i: usize) -> usize {
@@ -191,7 +218,11 @@ mod tests {
     #[test]
     fn buffers_come_back_but_do_not_pile_up() {
         let compute = Compute::new(1).unwrap();
-        let kept = |len| lock(&compute.buffers).get(&len).map_or(0, |shelf: &Shelf| shelf.free.len());
+        let kept = |len| {
+            lock(&compute.buffers)
+                .get(&len)
+                .map_or(0, |shelf: &Shelf| shelf.free.len())
+        };
         let tensor = compute.tensor(&[2, 3]);
         compute.recycle(tensor);
         compute.recycle(Tensor::zeros(&[6]));
@@ -207,7 +238,9 @@ mod tests {
     fn scratch_grows() {
         let compute = Compute::new(2).unwrap();
         let mut out = [0; 4];
-        compute.each(&mut out, 1, |i, part| part[0] = compute.scratch(i + 1, |space| space.len()));
+        compute.each(&mut out, 1, |i, part| {
+            part[0] = compute.scratch(i + 1, |space| space.len())
+        });
         assert_eq!(out, [1, 2, 3, 4]);
     }
 }

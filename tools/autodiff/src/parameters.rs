@@ -60,11 +60,19 @@ pub enum StateError {
 }
 
 /// Refuses a saved tensor of the wrong shape.
-pub(crate) fn check_shape(name: &str, expected: &[usize], found: &[usize]) -> Result<(), StateError> {
+pub(crate) fn check_shape(
+    name: &str,
+    expected: &[usize],
+    found: &[usize],
+) -> Result<(), StateError> {
     if expected == found {
         return Ok(());
     }
-    Err(StateError::Shape { name: name.into(), expected: expected.to_vec(), found: found.to_vec() })
+    Err(StateError::Shape {
+        name: name.into(),
+        expected: expected.to_vec(),
+        found: found.to_vec(),
+    })
 }
 
 /// All parameters of a network, by name and by [`ParameterId`].
@@ -92,9 +100,19 @@ impl Parameters {
 
     fn push(&mut self, name: String, value: Tensor, trained: bool) -> ParameterId {
         let id = ParameterId(self.list.len());
-        assert!(self.names.insert(name.clone(), id).is_none(), "two parameters named '{name}'");
-        let parameter =
-            Parameter { name, trained, value, gradient: None, frozen: false, rate: 1.0, decay: 0.0 };
+        assert!(
+            self.names.insert(name.clone(), id).is_none(),
+            "two parameters named '{name}'"
+        );
+        let parameter = Parameter {
+            name,
+            trained,
+            value,
+            gradient: None,
+            frozen: false,
+            rate: 1.0,
+            decay: 0.0,
+        };
         self.list.push(parameter);
         id
     }
@@ -116,12 +134,14 @@ impl Parameters {
 
     /// Forgets all gradients, as every step begins.
     pub fn clear_gradients(&mut self) {
-        self.iter_mut().for_each(|parameter| parameter.gradient = None);
+        self.iter_mut()
+            .for_each(|parameter| parameter.gradient = None);
     }
 
     /// Everything to save: names and values, statistics included.
     pub fn state(&self) -> impl Iterator<Item = (&str, &Tensor)> {
-        self.iter().map(|parameter| (parameter.name(), &parameter.value))
+        self.iter()
+            .map(|parameter| (parameter.name(), &parameter.value))
     }
 
     /// Sets one value as [`state`](Self::state) gave it.
@@ -129,7 +149,9 @@ impl Parameters {
     /// # Errors
     /// If no parameter has that name, or it has another shape.
     pub fn restore(&mut self, name: &str, value: Tensor) -> Result<(), StateError> {
-        let id = self.find(name).ok_or_else(|| StateError::Unknown(name.into()))?;
+        let id = self
+            .find(name)
+            .ok_or_else(|| StateError::Unknown(name.into()))?;
         check_shape(name, self[id].value.shape(), value.shape())?;
         self[id].value = value;
         Ok(())
@@ -159,14 +181,25 @@ mod tests {
         let mut parameters = Parameters::new();
         parameters.add("a", Tensor::new(&[2], vec![1.0, -0.0]));
         parameters.add_statistic("b", Tensor::scalar(3.0));
-        let saved: Vec<_> = parameters.state().map(|(name, t)| (name.to_owned(), t.clone())).collect();
-        parameters.iter_mut().for_each(|p| p.value.data_mut().fill(9.0));
+        let saved: Vec<_> = parameters
+            .state()
+            .map(|(name, t)| (name.to_owned(), t.clone()))
+            .collect();
+        parameters
+            .iter_mut()
+            .for_each(|p| p.value.data_mut().fill(9.0));
         for (name, value) in saved {
             parameters.restore(&name, value).unwrap();
         }
         let a = parameters.find("a").unwrap();
         assert_eq!(parameters[a].value.data()[1].to_bits(), (-0.0f32).to_bits());
-        assert_eq!(parameters.iter().map(Parameter::is_statistic).collect::<Vec<_>>(), [false, true]);
+        assert_eq!(
+            parameters
+                .iter()
+                .map(Parameter::is_statistic)
+                .collect::<Vec<_>>(),
+            [false, true]
+        );
     }
 
     #[test]
@@ -174,11 +207,17 @@ mod tests {
         let mut parameters = Parameters::new();
         parameters.add("a", Tensor::zeros(&[2]));
         assert_eq!(
-            parameters.restore("c", Tensor::scalar(0.0)).unwrap_err().to_string(),
+            parameters
+                .restore("c", Tensor::scalar(0.0))
+                .unwrap_err()
+                .to_string(),
             "tensor 'c' is unknown here"
         );
         assert_eq!(
-            parameters.restore("a", Tensor::zeros(&[3])).unwrap_err().to_string(),
+            parameters
+                .restore("a", Tensor::zeros(&[3]))
+                .unwrap_err()
+                .to_string(),
             "tensor 'a': expected shape [2], found [3]"
         );
     }

@@ -123,13 +123,21 @@ impl<'a> Tape<'a> {
     /// Panics if `loss` is not one value.
     pub fn backward(self, loss: Var) -> Gradients {
         let shape = self.shape(loss).to_vec();
-        assert_eq!(shape.iter().product::<usize>(), 1, "a loss is one value, found {shape:?}");
+        assert_eq!(
+            shape.iter().product::<usize>(),
+            1,
+            "a loss is one value, found {shape:?}"
+        );
         self.backward_from(loss, Tensor::full(&shape, 1.0))
     }
 
     /// As [`backward`](Self::backward) for a loss that depends on `output` with that `gradient`, of the same shape.
     pub fn backward_from(mut self, output: Var, gradient: Tensor) -> Gradients {
-        assert_eq!(self.shape(output), gradient.shape(), "gradient of an output");
+        assert_eq!(
+            self.shape(output),
+            gradient.shape(),
+            "gradient of an output"
+        );
         self.gradients.resize_with(self.nodes.len(), || None);
         self.add_gradient(output, gradient);
         let mut inputs = HashMap::new();
@@ -138,8 +146,12 @@ impl<'a> Tape<'a> {
             match (node.value, gradient) {
                 (Value::Own(value), gradient) => {
                     match (node.operation, gradient) {
-                        (Some(operation), Some(gradient)) => operation.backward(&mut self, &value, gradient),
-                        (None, Some(gradient)) => _ = inputs.insert(Var(self.nodes.len()), gradient),
+                        (Some(operation), Some(gradient)) => {
+                            operation.backward(&mut self, &value, gradient)
+                        }
+                        (None, Some(gradient)) => {
+                            _ = inputs.insert(Var(self.nodes.len()), gradient)
+                        }
                         (_, None) => {}
                     }
                     self.compute.recycle(value);
@@ -162,13 +174,25 @@ impl<'a> Tape<'a> {
         operation: impl Operation + 'static,
     ) -> Var {
         let needs_gradient = inputs.iter().any(|input| self.needs_gradient(*input));
-        let operation: Option<Box<dyn Operation>> =
-            if needs_gradient { Some(Box::new(operation)) } else { None };
+        let operation: Option<Box<dyn Operation>> = if needs_gradient {
+            Some(Box::new(operation))
+        } else {
+            None
+        };
         self.append(Value::Own(value), operation, needs_gradient)
     }
 
-    fn append(&mut self, value: Value, operation: Option<Box<dyn Operation>>, needs_gradient: bool) -> Var {
-        self.nodes.push(Node { value, operation, needs_gradient });
+    fn append(
+        &mut self,
+        value: Value,
+        operation: Option<Box<dyn Operation>>,
+        needs_gradient: bool,
+    ) -> Var {
+        self.nodes.push(Node {
+            value,
+            operation,
+            needs_gradient,
+        });
         Var(self.nodes.len() - 1)
     }
 
@@ -224,7 +248,10 @@ mod tests {
         let w = parameters.add("w", Tensor::new(&[1, 2], vec![2.0, 7.0]));
         for times in [1.0, 2.0] {
             step(&mut parameters, w);
-            assert_eq!(parameters[w].gradient.as_ref().unwrap().data(), [3.0 * times, 5.0 * times]);
+            assert_eq!(
+                parameters[w].gradient.as_ref().unwrap().data(),
+                [3.0 * times, 5.0 * times]
+            );
         }
         parameters.clear_gradients();
         assert!(parameters[w].gradient.is_none());

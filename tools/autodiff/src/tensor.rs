@@ -12,13 +12,23 @@ pub struct Tensor {
 impl Tensor {
     /// `data` in `shape`. Panics if there are not as many values as the shape has.
     pub fn new(shape: &[usize], data: Vec<f32>) -> Tensor {
-        assert_eq!(shape.iter().product::<usize>(), data.len(), "values of a tensor {shape:?}");
-        Tensor { shape: shape.to_vec(), data }
+        assert_eq!(
+            shape.iter().product::<usize>(),
+            data.len(),
+            "values of a tensor {shape:?}"
+        );
+        Tensor {
+            shape: shape.to_vec(),
+            data,
+        }
     }
 
     /// All values `value`.
     pub fn full(shape: &[usize], value: f32) -> Tensor {
-        Tensor { shape: shape.to_vec(), data: vec![value; shape.iter().product()] }
+        Tensor {
+            shape: shape.to_vec(),
+            data: vec![value; shape.iter().product()],
+        }
     }
 
     /// All values 0.
@@ -28,7 +38,10 @@ impl Tensor {
 
     /// One value, of shape `[]`.
     pub fn scalar(value: f32) -> Tensor {
-        Tensor { shape: vec![], data: vec![value] }
+        Tensor {
+            shape: vec![],
+            data: vec![value],
+        }
     }
 
     /// Its extents.
@@ -53,17 +66,33 @@ impl Tensor {
 
     /// The one value of a tensor of one. Panics if there are more.
     pub fn item(&self) -> f32 {
-        assert_eq!(self.data.len(), 1, "the one value of a tensor {:?}", self.shape);
+        assert_eq!(
+            self.data.len(),
+            1,
+            "the one value of a tensor {:?}",
+            self.shape
+        );
         self.data[0]
     }
 
     /// Extents of a batch of maps. Panics, naming `what` asked for them, if it is none.
     pub(crate) fn maps(&self, what: &str) -> Maps {
         let [batch, h, w, channels] = self.shape[..] else {
-            panic!("{what} needs maps [batch, height, width, channels], found {:?}", self.shape)
+            panic!(
+                "{what} needs maps [batch, height, width, channels], found {:?}",
+                self.shape
+            )
         };
-        assert!(batch > 0 && h > 0 && w > 0 && channels > 0, "{what} needs maps, found {:?}", self.shape);
-        Maps { batch, size: Size { h, w }, channels }
+        assert!(
+            batch > 0 && h > 0 && w > 0 && channels > 0,
+            "{what} needs maps, found {:?}",
+            self.shape
+        );
+        Maps {
+            batch,
+            size: Size { h, w },
+            channels,
+        }
     }
 
     /// Extents as rows of the innermost one: `(rows, columns)`. Panics if there are none.

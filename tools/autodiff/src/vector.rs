@@ -40,7 +40,9 @@ pub(crate) fn update2(
     }
     assert_eq!(out.len(), a.len());
     compute.each(out, PART, |i, out| {
-        compute.isa().run(Loop(out, &a[i * PART..][..out.len()], update));
+        compute
+            .isa()
+            .run(Loop(out, &a[i * PART..][..out.len()], update));
     });
 }
 
@@ -58,13 +60,18 @@ pub(crate) fn update3(
         #[inline(always)]
         fn run<S: Simd>(self, _: S) {
             let Loop(out, a, b, update) = self;
-            out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| update(out, *a, *b));
+            out.iter_mut()
+                .zip(a)
+                .zip(b)
+                .for_each(|((out, a), b)| update(out, *a, *b));
         }
     }
     assert_eq!((out.len(), out.len()), (a.len(), b.len()));
     compute.each(out, PART, |i, out| {
         let range = i * PART..i * PART + out.len();
-        compute.isa().run(Loop(out, &a[range.clone()], &b[range], update));
+        compute
+            .isa()
+            .run(Loop(out, &a[range.clone()], &b[range], update));
     });
 }
 
@@ -85,7 +92,10 @@ mod tests {
                 update2(&compute, &mut out, &a, |v, a| *v += a);
                 update3(&compute, &mut out, &a, &b, |v, a, b| *v += a - b);
                 let expected = |i: usize| 2.0 + 1.5 * i as f32;
-                assert!(out.iter().enumerate().all(|(i, v)| *v == expected(i)), "{isa}, {len} values");
+                assert!(
+                    out.iter().enumerate().all(|(i, v)| *v == expected(i)),
+                    "{isa}, {len} values"
+                );
             }
         }
     }

@@ -9,7 +9,12 @@ use network::{Batch, Config, DrMim, Losses};
 use safetensors::SafeTensors;
 use std::path::{Path, PathBuf};
 
-const NARROW: Config = Config { backbone: [8, 16, 24, 24, 16], neck: 16, hidden: 32, flatten: Some(6) };
+const NARROW: Config = Config {
+    backbone: [8, 16, 24, 24, 16],
+    neck: 16,
+    hidden: 32,
+    flatten: Some(6),
+};
 
 /// The file of golden values, if it is there.
 fn golden() -> Option<Vec<u8>> {
@@ -40,10 +45,18 @@ impl Golden<'_> {
 
     /// A tensor with channels innermost: `[a, b, h, w]` becomes `[a, h, w, b]`.
     fn get(&self, name: &str) -> Tensor {
-        let view = self.tensors.tensor(name).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let values = view.data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap()));
+        let view = self
+            .tensors
+            .tensor(name)
+            .unwrap_or_else(|e| panic!("{name}: {e}"));
+        let values = view
+            .data()
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()));
         let values: Vec<f32> = values.collect();
-        let [a, b, h, w] = view.shape()[..] else { return Tensor::new(view.shape(), values) };
+        let [a, b, h, w] = view.shape()[..] else {
+            return Tensor::new(view.shape(), values);
+        };
         let moved = (0..values.len()).map(|i| {
             let (outer, y, x, inner) = (i / (b * h * w), i / (b * w) % h, i / b % w, i % b);
             values[((outer * b + inner) * h + y) * w + x]
@@ -60,10 +73,22 @@ impl Golden<'_> {
         let mut parameters = Parameters::new();
         let network = DrMim::new(&mut parameters, NARROW);
         for parameter in parameters.iter_mut() {
-            parameter.value = self.like(&format!("init.{}", parameter.name()), parameter.value.shape());
+            parameter.value = self.like(
+                &format!("init.{}", parameter.name()),
+                parameter.value.shape(),
+            );
         }
-        let stored = self.tensors.names().into_iter().filter(|name| name.starts_with("init.")).count();
-        assert_eq!(parameters.iter().len(), stored, "every parameter has its tensor");
+        let stored = self
+            .tensors
+            .names()
+            .into_iter()
+            .filter(|name| name.starts_with("init."))
+            .count();
+        assert_eq!(
+            parameters.iter().len(),
+            stored,
+            "every parameter has its tensor"
+        );
         (parameters, network)
     }
 
@@ -72,7 +97,12 @@ impl Golden<'_> {
             template: self.get("in.z"),
             search: self.get("in.x"),
             second_template: self.get("in.z2"),
-            positive: self.get("in.neg").data().iter().map(|negative| *negative == 0.0).collect(),
+            positive: self
+                .get("in.neg")
+                .data()
+                .iter()
+                .map(|negative| *negative == 0.0)
+                .collect(),
             labels: self.get("tgt.cls_gt"),
             quality: self.get("tgt.ctr_gt"),
             boxes: self.get("tgt.box_gt"),
@@ -94,23 +124,38 @@ impl Golden<'_> {
         worst(named.map(|(name, var)| {
             let expected = self.losses[step][name].as_f64().unwrap();
             let found = f64::from(tape.value(var).item());
-            ((found / expected - 1.0).abs(), format!("loss {name} of step {step}"))
+            (
+                (found / expected - 1.0).abs(),
+                format!("loss {name} of step {step}"),
+            )
         }))
     }
 }
 
 /// The largest of some errors.
 fn worst(errors: impl IntoIterator<Item = (f64, String)>) -> (f64, String) {
-    errors.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
+    errors
+        .into_iter()
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap()
 }
 
 fn norm(values: &[f32]) -> f64 {
-    values.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>().sqrt()
+    values
+        .iter()
+        .map(|v| f64::from(*v) * f64::from(*v))
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// The norm of the difference over the expected norm, or over `floor` if that is larger.
 fn error(found: &Tensor, expected: &Tensor, floor: f64) -> f64 {
-    let difference: Vec<f32> = found.data().iter().zip(expected.data()).map(|(f, e)| f - e).collect();
+    let difference: Vec<f32> = found
+        .data()
+        .iter()
+        .zip(expected.data())
+        .map(|(f, e)| f - e)
+        .collect();
     norm(&difference) / norm(expected.data()).max(floor)
 }
 
@@ -133,15 +178,27 @@ fn one_step_with(compute: Compute, tolerance: f64) {
     let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
     let mut batch = golden.batch();
     let (prediction, losses) = network.losses(&mut tape, &mut batch);
-    for (var, name) in [(prediction.cls, "pred.cls_logit"), (prediction.ctr, "pred.ctr_logit")] {
+    for (var, name) in [
+        (prediction.cls, "pred.cls_logit"),
+        (prediction.ctr, "pred.ctr_logit"),
+    ] {
         let expected = golden.like(name, tape.shape(var));
         assert!(error(tape.value(var), &expected, 0.0) < 1e-4, "{name}");
     }
-    let (si, bi) = (tape.value(prediction.si).item(), tape.value(prediction.bi).item());
+    let (si, bi) = (
+        tape.value(prediction.si).item(),
+        tape.value(prediction.bi).item(),
+    );
     let boxes = batch.decoder.boxes(tape.value(prediction.offsets), si, bi);
-    assert!(error(&boxes, &golden.like("pred.box", boxes.shape()), 0.0) < 1e-4, "pred.box");
+    assert!(
+        error(&boxes, &golden.like("pred.box", boxes.shape()), 0.0) < 1e-4,
+        "pred.box"
+    );
     let (error_of_losses, name) = golden.loss_error(&tape, losses, 0);
-    assert!(error_of_losses < 1e-4, "{name}: off by {error_of_losses:.1e}");
+    assert!(
+        error_of_losses < 1e-4,
+        "{name}: off by {error_of_losses:.1e}"
+    );
     tape.backward(losses.total);
 
     for parameter in parameters.iter() {
@@ -149,14 +206,27 @@ fn one_step_with(compute: Compute, tolerance: f64) {
         let (found, expected, floor) = match &parameter.gradient {
             // Before a normalization a bias has no gradient but rounding errors; these are judged by its weights' gradient.
             Some(gradient) => {
-                let weights =
-                    name.strip_suffix(".conv.bias").map(|layer| format!("grad.{layer}.conv.weight"));
+                let weights = name
+                    .strip_suffix(".conv.bias")
+                    .map(|layer| format!("grad.{layer}.conv.weight"));
                 let floor = weights.map_or(0.0, |weights| norm(golden.get(&weights).data()));
-                (gradient, golden.like(&format!("grad.{name}"), shape), 0.1 * floor)
+                (
+                    gradient,
+                    golden.like(&format!("grad.{name}"), shape),
+                    0.1 * floor,
+                )
             }
-            None => (&parameter.value, golden.like(&format!("bn1.{name}"), shape), 0.0),
+            None => (
+                &parameter.value,
+                golden.like(&format!("bn1.{name}"), shape),
+                0.0,
+            ),
         };
-        assert_eq!(parameter.gradient.is_none(), parameter.is_statistic(), "{name}");
+        assert_eq!(
+            parameter.gradient.is_none(),
+            parameter.is_statistic(),
+            "{name}"
+        );
         let error = error(found, &expected, floor);
         assert!(error < tolerance, "{name}: off by {error:.1e} of its norm");
     }
@@ -172,7 +242,9 @@ fn five_steps() {
     let run = |isa, threads, moved| {
         let compute = Compute::with_isa(threads, isa).unwrap();
         let (mut parameters, network) = golden.network();
-        parameters.iter_mut().for_each(|parameter| parameter.decay = 5e-5);
+        parameters
+            .iter_mut()
+            .for_each(|parameter| parameter.decay = 5e-5);
         let mut batch = golden.batch();
         batch.boxes.data_mut()[4 * 58] += moved;
         let mut sgd = Sgd::new(0.9);
@@ -185,9 +257,18 @@ fn five_steps() {
             tape.backward(losses.total);
             sgd.step(&compute, &mut parameters, 0.002);
         }
-        for parameter in parameters.iter().filter(|parameter| !parameter.is_statistic()) {
-            let expected = golden.like(&format!("param5.{}", parameter.name()), parameter.value.shape());
-            errors.push((error(&parameter.value, &expected, 0.0), parameter.name().to_owned()));
+        for parameter in parameters
+            .iter()
+            .filter(|parameter| !parameter.is_statistic())
+        {
+            let expected = golden.like(
+                &format!("param5.{}", parameter.name()),
+                parameter.value.shape(),
+            );
+            errors.push((
+                error(&parameter.value, &expected, 0.0),
+                parameter.name().to_owned(),
+            ));
         }
         (parameters, worst(errors))
     };
@@ -200,5 +281,8 @@ fn five_steps() {
         assert!(follows, "{isa}: off by {errors:?}");
     }
     let isa = Isa::detect();
-    assert!(run(isa, 2, 0.0).0.state().eq(run(isa, 3, 0.0).0.state()), "threads change no bit");
+    assert!(
+        run(isa, 2, 0.0).0.state().eq(run(isa, 3, 0.0).0.state()),
+        "threads change no bit"
+    );
 }

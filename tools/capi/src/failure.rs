@@ -45,7 +45,9 @@ pub enum Failure {
 impl Failure {
     fn code(&self) -> i32 {
         match self {
-            Failure::Null(_) | Failure::Threads { .. } | Failure::Path | Failure::Format { .. } => 1,
+            Failure::Null(_) | Failure::Threads { .. } | Failure::Path | Failure::Format { .. } => {
+                1
+            }
             Failure::Model(_) => 2,
             Failure::Frame(_) => 3,
             Failure::Track(_) => 4,

@@ -76,7 +76,10 @@ pub unsafe extern "C" fn track_cpu_create(
         let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
         *out = std::ptr::null_mut();
         if !(1..=MAX_THREADS).contains(&threads) {
-            return Err(Failure::Threads { found: threads, most: MAX_THREADS });
+            return Err(Failure::Threads {
+                found: threads,
+                most: MAX_THREADS,
+            });
         }
         let name = match model_path.is_null() {
             true => None,
@@ -87,9 +90,15 @@ pub unsafe extern "C" fn track_cpu_create(
             }
         };
         let model = Model::from_weights(&Model::find(name)?, Isa::detect())?;
-        let options = TrackerOptions { threads: threads as usize, ..TrackerOptions::of(&model) };
+        let options = TrackerOptions {
+            threads: threads as usize,
+            ..TrackerOptions::of(&model)
+        };
         let tracker = Tracker::with_options(model, options);
-        *out = Box::into_raw(Box::new(track_cpu_tracker { tracker, score: 0.0 }));
+        *out = Box::into_raw(Box::new(track_cpu_tracker {
+            tracker,
+            score: 0.0,
+        }));
         Ok(())
     })
 }
@@ -114,7 +123,9 @@ pub unsafe extern "C" fn track_cpu_init(
         let target = unsafe { target.as_ref() }.ok_or(Failure::Null("target"))?;
         // SAFETY: the caller promises that the picture's bytes may be read.
         let frame = unsafe { frame(image) }?;
-        tracker.tracker.init(&frame, BBox::new(target.x, target.y, target.w, target.h))?;
+        tracker
+            .tracker
+            .init(&frame, BBox::new(target.x, target.y, target.w, target.h))?;
         tracker.score = 1.0;
         Ok(())
     })
@@ -141,7 +152,12 @@ pub unsafe extern "C" fn track_cpu_update(
         let frame = unsafe { frame(image) }?;
         let track = tracker.tracker.update(&frame)?;
         tracker.score = track.score;
-        *out = track_cpu_box { x: track.bbox.x, y: track.bbox.y, w: track.bbox.w, h: track.bbox.h };
+        *out = track_cpu_box {
+            x: track.bbox.x,
+            y: track.bbox.y,
+            w: track.bbox.w,
+            h: track.bbox.h,
+        };
         Ok(())
     })
 }
@@ -196,7 +212,13 @@ pub extern "C" fn track_cpu_version() -> *const c_char {
 /// `image.data` is null, or as many bytes as the size, stride and format say may be read there for as long as `image`
 /// lives.
 unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
-    let track_cpu_image { data, width, height, stride, format } = *image;
+    let track_cpu_image {
+        data,
+        width,
+        height,
+        stride,
+        format,
+    } = *image;
     if data.is_null() {
         return Err(Failure::Null("image data"));
     }
@@ -213,9 +235,13 @@ unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
     let stride = if stride == 0 { row } else { stride };
     // Sizes that no frame has are refused before a slice of that length could be made.
     let sides = 1..=Frame::MAX_SIDE;
-    let length = stride.checked_mul(height.saturating_sub(1)).and_then(|gaps| gaps.checked_add(row));
+    let length = stride
+        .checked_mul(height.saturating_sub(1))
+        .and_then(|gaps| gaps.checked_add(row));
     let length = match length.filter(|length| isize::try_from(*length).is_ok()) {
-        Some(length) if sides.contains(&width) && sides.contains(&height) && stride >= row => length,
+        Some(length) if sides.contains(&width) && sides.contains(&height) && stride >= row => {
+            length
+        }
         _ => return Ok(Frame::with_stride(&[], width, height, stride, order)?), // says what is wrong
     };
     // SAFETY: it is not null; the caller promises that the bytes of its rows may be read, and they fit an `isize`.

@@ -18,7 +18,11 @@ fn frames() -> Vec<Vec<u8>> {
         let pixel = |i: usize| {
             let (x, y) = (i % WIDTH, i / WIDTH);
             let inside = (24 + shift..40 + shift).contains(&x) && (24..40).contains(&y);
-            if inside { [240, 200, 60] } else { [(x * 7 % 60) as u8, (y * 13 % 60) as u8, 40] }
+            if inside {
+                [240, 200, 60]
+            } else {
+                [(x * 7 % 60) as u8, (y * 13 % 60) as u8, 40]
+            }
         };
         (0..WIDTH * HEIGHT).flat_map(pixel).collect()
     };
@@ -37,7 +41,13 @@ fn expected() -> Vec<[f32; 5]> {
             rows.push([x, y, w, h, 1.0]);
         } else {
             let track = tracker.update(&frame).unwrap();
-            rows.push([track.bbox.x, track.bbox.y, track.bbox.w, track.bbox.h, track.score]);
+            rows.push([
+                track.bbox.x,
+                track.bbox.y,
+                track.bbox.w,
+                track.bbox.h,
+                track.score,
+            ]);
         }
     }
     rows
@@ -55,13 +65,24 @@ fn image(pixels: &[u8]) -> track_cpu_image {
 
 fn last_error() -> String {
     // SAFETY: it is never null and lasts until the next call on this thread.
-    unsafe { CStr::from_ptr(track_cpu_last_error()) }.to_str().unwrap().to_owned()
+    unsafe { CStr::from_ptr(track_cpu_last_error()) }
+        .to_str()
+        .unwrap()
+        .to_owned()
 }
 
 #[test]
 fn the_same_boxes_as_in_rust() {
     let mut tracker = null_mut();
-    let (mut target, mut score) = (track_cpu_box { x: 24.0, y: 24.0, w: 16.0, h: 16.0 }, 0.0);
+    let (mut target, mut score) = (
+        track_cpu_box {
+            x: 24.0,
+            y: 24.0,
+            w: 16.0,
+            h: 16.0,
+        },
+        0.0,
+    );
     // SAFETY: every pointer is to something that lives here, and the tracker is destroyed once.
     unsafe {
         assert_eq!(track_cpu_create(null(), 1, &mut tracker), 0);
@@ -70,7 +91,12 @@ fn the_same_boxes_as_in_rust() {
                 0 => track_cpu_init(tracker, &image(pixels), &target),
                 _ => track_cpu_update(tracker, &image(pixels), &mut target),
             };
-            assert_eq!((code, track_cpu_score(tracker, &mut score)), (0, 0), "{}", last_error());
+            assert_eq!(
+                (code, track_cpu_score(tracker, &mut score)),
+                (0, 0),
+                "{}",
+                last_error()
+            );
             assert_eq!([target.x, target.y, target.w, target.h, score], expected);
         }
         track_cpu_destroy(tracker);
@@ -83,38 +109,98 @@ fn the_same_boxes_as_in_rust() {
 #[test]
 fn what_is_wrong_is_a_code_and_words() {
     let pixels = &frames()[0];
-    let (good, target) = (image(pixels), track_cpu_box { x: 24.0, y: 24.0, w: 16.0, h: 16.0 });
+    let (good, target) = (
+        image(pixels),
+        track_cpu_box {
+            x: 24.0,
+            y: 24.0,
+            w: 16.0,
+            h: 16.0,
+        },
+    );
     let (mut tracker, mut found, mut score) = (null_mut(), track_cpu_box::default(), 0.0);
     let told = |code: i32, expected: i32, part: &str| {
         let text = last_error();
-        assert!(code == expected && text.contains(part), "{code} {text:?}, expected {expected} {part:?}");
+        assert!(
+            code == expected && text.contains(part),
+            "{code} {text:?}, expected {expected} {part:?}"
+        );
     };
     // SAFETY: every pointer is null or to something that lives here, the sizes are refused before data is read, and the
     // tracker is destroyed once.
     unsafe {
         told(track_cpu_create(null(), 1, null_mut()), 1, "out is null");
-        told(track_cpu_create(null(), 0, &mut tracker), 1, "0 threads, expected 1 to 256");
+        told(
+            track_cpu_create(null(), 0, &mut tracker),
+            1,
+            "0 threads, expected 1 to 256",
+        );
         let missing = CString::new("/nonexistent.safetensors").unwrap();
-        told(track_cpu_create(missing.as_ptr(), 1, &mut tracker), 2, "/nonexistent.safetensors");
+        told(
+            track_cpu_create(missing.as_ptr(), 1, &mut tracker),
+            2,
+            "/nonexistent.safetensors",
+        );
         assert!(tracker.is_null());
         let binary = CString::new(b"\xff\xfe".to_vec()).unwrap();
-        told(track_cpu_create(binary.as_ptr(), 1, &mut tracker), 1, "UTF-8");
+        told(
+            track_cpu_create(binary.as_ptr(), 1, &mut tracker),
+            1,
+            "UTF-8",
+        );
         assert_eq!(track_cpu_create(null(), 1, &mut tracker), 0);
 
-        told(track_cpu_update(tracker, &good, &mut found), 4, "no target yet");
-        told(track_cpu_init(null_mut(), &good, &target), 1, "tracker is null");
+        told(
+            track_cpu_update(tracker, &good, &mut found),
+            4,
+            "no target yet",
+        );
+        told(
+            track_cpu_init(null_mut(), &good, &target),
+            1,
+            "tracker is null",
+        );
         told(track_cpu_init(tracker, null(), &target), 1, "image is null");
         told(track_cpu_init(tracker, &good, null()), 1, "target is null");
-        told(track_cpu_update(tracker, &good, null_mut()), 1, "out is null");
+        told(
+            track_cpu_update(tracker, &good, null_mut()),
+            1,
+            "out is null",
+        );
         told(track_cpu_score(null(), &mut score), 1, "tracker is null");
         told(track_cpu_score(tracker, null_mut()), 1, "out is null");
         for (bad, code, part) in [
-            (track_cpu_image { data: null(), ..good }, 1, "image data is null"),
+            (
+                track_cpu_image {
+                    data: null(),
+                    ..good
+                },
+                1,
+                "image data is null",
+            ),
             (track_cpu_image { format: 5, ..good }, 1, "image format 5"),
             (track_cpu_image { width: 0, ..good }, 3, "0x64"),
-            (track_cpu_image { height: u32::MAX, ..good }, 3, "4294967295"),
-            (track_cpu_image { stride: 7, ..good }, 3, "stride is 7 bytes, expected at least 288"),
-            (track_cpu_image { stride: usize::MAX, ..good }, 3, "frame data"),
+            (
+                track_cpu_image {
+                    height: u32::MAX,
+                    ..good
+                },
+                3,
+                "4294967295",
+            ),
+            (
+                track_cpu_image { stride: 7, ..good },
+                3,
+                "stride is 7 bytes, expected at least 288",
+            ),
+            (
+                track_cpu_image {
+                    stride: usize::MAX,
+                    ..good
+                },
+                3,
+                "frame data",
+            ),
         ] {
             told(track_cpu_init(tracker, &bad, &target), code, part);
         }
@@ -125,7 +211,11 @@ fn what_is_wrong_is_a_code_and_words() {
                 "width and height above 0",
             );
         }
-        told(track_cpu_init(tracker, &good, &track_cpu_box { x: 500.0, ..target }), 4, "outside");
+        told(
+            track_cpu_init(tracker, &good, &track_cpu_box { x: 500.0, ..target }),
+            4,
+            "outside",
+        );
         assert_eq!(track_cpu_init(tracker, &good, &target), 0);
         track_cpu_destroy(tracker);
     }
@@ -133,9 +223,18 @@ fn what_is_wrong_is_a_code_and_words() {
 
 /// The folder of the shared library: where this test lies, or the one above.
 fn library() -> Option<PathBuf> {
-    let name = format!("{}track_cpu_c{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    let name = format!(
+        "{}track_cpu_c{}",
+        std::env::consts::DLL_PREFIX,
+        std::env::consts::DLL_SUFFIX
+    );
     let at = std::env::current_exe().unwrap();
-    let found = at.ancestors().skip(1).take(2).map(|folder| folder.join(&name)).find(|path| path.is_file());
+    let found = at
+        .ancestors()
+        .skip(1)
+        .take(2)
+        .map(|folder| folder.join(&name))
+        .find(|path| path.is_file());
     if found.is_none() {
         println!("skipped: no {name} near {}", at.display());
     }
@@ -143,8 +242,12 @@ fn library() -> Option<PathBuf> {
 }
 
 fn has(program: &str) -> bool {
-    let found =
-        Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+    let found = Command::new(program)
+        .arg("--version")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok();
     if !found {
         println!("skipped: no {program}");
     }
@@ -155,16 +258,39 @@ fn has(program: &str) -> bool {
 fn follows(command: &mut Command) {
     let [x, y, w, h] = INIT;
     let arguments = [WIDTH as f32, HEIGHT as f32, x, y, w, h].map(|number| number.to_string());
-    let mut child = command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    child.stdin.take().unwrap().write_all(&frames().concat()).unwrap();
+    let mut child = command
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child
+        .stdin
+        .take()
+        .unwrap()
+        .write_all(&frames().concat())
+        .unwrap();
     let output = child.wait_with_output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success(), "{text}");
-    let rows: Vec<Vec<f32>> =
-        text.lines().map(|line| line.split(',').map(|number| number.parse().unwrap()).collect()).collect();
+    let rows: Vec<Vec<f32>> = text
+        .lines()
+        .map(|line| {
+            line.split(',')
+                .map(|number| number.parse().unwrap())
+                .collect()
+        })
+        .collect();
     assert_eq!(rows.len(), 4, "{text}");
     for (found, expected) in rows.iter().zip(expected()) {
-        assert!(found.len() == 5 && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{text}");
+        assert!(
+            found.len() == 5
+                && found
+                    .iter()
+                    .zip(expected)
+                    .all(|(a, b)| (a - b).abs() < 1e-3),
+            "{text}"
+        );
     }
 }
 
@@ -175,7 +301,9 @@ fn source(path: &str) -> PathBuf {
 #[cfg(unix)]
 #[test]
 fn a_c_program_follows() {
-    let (Some(library), true) = (library(), has("cc")) else { return };
+    let (Some(library), true) = (library(), has("cc")) else {
+        return;
+    };
     let folder = library.parent().unwrap();
     let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("follow");
     let built = Command::new("cc")
@@ -199,20 +327,40 @@ fn a_c_program_follows() {
 fn the_header_is_c_plus_plus_too() {
     if has("c++") {
         let checked = Command::new("c++")
-            .args(["-std=c++11", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", "-x", "c++"])
+            .args([
+                "-std=c++11",
+                "-Wall",
+                "-Wextra",
+                "-Werror",
+                "-pedantic",
+                "-fsyntax-only",
+                "-x",
+                "c++",
+            ])
             .arg(source("include/track_cpu.h"))
             .output()
             .unwrap();
-        assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
+        assert!(
+            checked.status.success(),
+            "{}",
+            String::from_utf8_lossy(&checked.stderr)
+        );
     }
 }
 
 #[cfg(unix)]
 #[test]
 fn python_follows() {
-    let (Some(library), true) = (library(), has("python3")) else { return };
+    let (Some(library), true) = (library(), has("python3")) else {
+        return;
+    };
     let example = source("examples/track_cpu.py");
-    follows(Command::new("python3").arg("-B").arg(&example).env("TRACK_CPU_LIBRARY", &library));
+    follows(
+        Command::new("python3")
+            .arg("-B")
+            .arg(&example)
+            .env("TRACK_CPU_LIBRARY", &library),
+    );
 
     let script = r#"
 import track_cpu
@@ -244,6 +392,12 @@ print("passed", track_cpu.__version__)
         .env("TRACK_CPU_LIBRARY", &library)
         .output()
         .unwrap();
-    let (out, told) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success() && out.starts_with("passed"), "{told}");
+    let (out, told) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert!(
+        output.status.success() && out.starts_with("passed"),
+        "{told}"
+    );
 }

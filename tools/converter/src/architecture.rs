@@ -5,7 +5,9 @@ use crate::{
     error::Refusal,
     names::{self, EncoderNames},
 };
-use weights_format::{Architecture, Encoder, EncoderPosition, Layer, LayerKind, MAX_FILE_BYTES, Widths};
+use weights_format::{
+    Architecture, Encoder, EncoderPosition, Layer, LayerKind, MAX_FILE_BYTES, Widths,
+};
 
 /// Widths and kernel as the tensors have them; what no shape tells (`relu`, `position`) as given.
 ///
@@ -34,7 +36,11 @@ pub fn infer(
             Some(&[outputs, _, rows, _]) => Ok((outputs, rows)),
             other => {
                 let found = format!("shape {:?}", other.unwrap_or_default());
-                Err(Refusal::new(format!("tensor {name:?}"), "four dimensions", found))
+                Err(Refusal::new(
+                    format!("tensor {name:?}"),
+                    "four dimensions",
+                    found,
+                ))
             }
         }
     };
@@ -49,19 +55,39 @@ pub fn infer(
         ],
         neck_cls: width("neck.template_cls")?,
         neck_reg: width("neck.template_reg")?,
-        head_cls: [width("head.cls1")?, width("head.cls2")?, width("head.cls3")?],
-        head_reg: [width("head.reg1")?, width("head.reg2")?, width("head.reg3")?],
+        head_cls: [
+            width("head.cls1")?,
+            width("head.cls2")?,
+            width("head.cls3")?,
+        ],
+        head_reg: [
+            width("head.reg1")?,
+            width("head.reg2")?,
+            width("head.reg3")?,
+        ],
     };
     let encoder = match form {
         None => None,
         Some(form) => {
-            let (width, kernel) = shape(if form.shared { "dr.e2.0" } else { "dr.e2_template.0" })?;
-            Some(Encoder { width, kernel, ..form })
+            let (width, kernel) = shape(if form.shared {
+                "dr.e2.0"
+            } else {
+                "dr.e2_template.0"
+            })?;
+            Some(Encoder {
+                width,
+                kernel,
+                ..form
+            })
         }
     };
     let architecture = Architecture::new(widths, encoder);
     architecture.check().map_err(|error| {
-        Refusal::new(format!("architecture: {}", error.field), error.expected, error.found)
+        Refusal::new(
+            format!("architecture: {}", error.field),
+            error.expected,
+            error.found,
+        )
     })?;
     let bytes = 4 * architecture.parameters() as u64;
     if bytes > MAX_FILE_BYTES {
@@ -76,14 +102,26 @@ pub fn infer(
 
 /// The layers that have parameters.
 pub fn convolutions(architecture: &Architecture) -> Vec<Layer> {
-    architecture.layers().into_iter().filter(|layer| layer.kind == LayerKind::Conv).collect()
+    architecture
+        .layers()
+        .into_iter()
+        .filter(|layer| layer.kind == LayerKind::Conv)
+        .collect()
 }
 
 /// Every name that a layer's parameters have in the checkpoint.
 pub fn parameters(layer: &Layer, encoder_names: Option<EncoderNames>) -> Vec<String> {
     let prefix = names::prefix(&layer.name, encoder_names);
-    let bn = if layer.bn { &names::BATCH_NORM[..] } else { &[] };
-    names::CONVOLUTION.iter().chain(bn).map(|name| format!("{prefix}.{name}")).collect()
+    let bn = if layer.bn {
+        &names::BATCH_NORM[..]
+    } else {
+        &[]
+    };
+    names::CONVOLUTION
+        .iter()
+        .chain(bn)
+        .map(|name| format!("{prefix}.{name}"))
+        .collect()
 }
 
 /// Refuses a checkpoint that lacks tensors, and lists the first few.
@@ -92,15 +130,23 @@ fn require(
     layers: &[Layer],
     encoder_names: Option<EncoderNames>,
 ) -> Result<(), Refusal> {
-    let needed = layers.iter().flat_map(|layer| parameters(layer, encoder_names));
+    let needed = layers
+        .iter()
+        .flat_map(|layer| parameters(layer, encoder_names));
     let scalars = names::SCALARS.map(String::from);
-    let missing: Vec<String> =
-        needed.chain(scalars).filter(|name| checkpoint.shape(name).is_none()).collect();
+    let missing: Vec<String> = needed
+        .chain(scalars)
+        .filter(|name| checkpoint.shape(name).is_none())
+        .collect();
     if missing.is_empty() {
         return Ok(());
     }
     let listed = missing[..missing.len().min(4)].join(", ");
     let more = if missing.len() > 4 { ", ..." } else { "" };
     let found = format!("{} missing: {listed}{more}", missing.len());
-    Err(Refusal::new("state dict", "every tensor of the network", found))
+    Err(Refusal::new(
+        "state dict",
+        "every tensor of the network",
+        found,
+    ))
 }

@@ -14,8 +14,8 @@ use std::{
     path::Path,
 };
 use weights_format::{
-    Architecture, EncoderPosition, Header, InputNormalization, Layer, Provenance, Storage, Tensor, Unfolded,
-    Weights,
+    Architecture, EncoderPosition, Header, InputNormalization, Layer, Provenance, Storage, Tensor,
+    Unfolded, Weights,
 };
 
 /// What the checkpoint does not say.
@@ -69,12 +69,28 @@ pub struct Unfolding {
 /// # Errors
 /// [`Error::Unreadable`] or [`Error::Refused`], with the path.
 pub fn convert(path: &Path, options: &Options) -> Result<Conversion, Error> {
-    let bytes = read(path).map_err(|error| Error::Unreadable { path: path.into(), error })?;
+    let bytes = read(path).map_err(|error| Error::Unreadable {
+        path: path.into(),
+        error,
+    })?;
     let file = |part: Option<&std::ffi::OsStr>| brief(part.unwrap_or_default().to_string_lossy());
-    let name = options.name.clone().unwrap_or_else(|| file(path.file_stem()));
-    let mut conversion = convert_bytes(&bytes, &Options { name: Some(name), ..options.clone() })
-        .map_err(|refusal| Error::Refused { path: path.into(), refusal })?;
-    conversion.weights.header.provenance.source = format!("PyTorch checkpoint {}", file(path.file_name()));
+    let name = options
+        .name
+        .clone()
+        .unwrap_or_else(|| file(path.file_stem()));
+    let mut conversion = convert_bytes(
+        &bytes,
+        &Options {
+            name: Some(name),
+            ..options.clone()
+        },
+    )
+    .map_err(|refusal| Error::Refused {
+        path: path.into(),
+        refusal,
+    })?;
+    conversion.weights.header.provenance.source =
+        format!("PyTorch checkpoint {}", file(path.file_name()));
     Ok(conversion)
 }
 
@@ -84,7 +100,11 @@ pub fn convert(path: &Path, options: &Options) -> Result<Conversion, Error> {
 /// Says which part of the file, which byte of the pickle or which tensor is wrong, what was expected there and what was
 /// found.
 pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refusal> {
-    let Opened { mut checkpoint, encoder, architecture } = open(bytes, options)?;
+    let Opened {
+        mut checkpoint,
+        encoder,
+        architecture,
+    } = open(bytes, options)?;
     let mut weights = Weights::new(Header {
         storage: options.storage,
         provenance: Provenance {
@@ -97,7 +117,10 @@ pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refu
     let layers = convolutions(&architecture);
     for layer in &layers {
         let folded = fold(&mut checkpoint, layer, encoder)?;
-        let weight = Tensor { shape: layer.weight_shape().to_vec(), data: folded.weight_ohwi() };
+        let weight = Tensor {
+            shape: layer.weight_shape().to_vec(),
+            data: folded.weight_ohwi(),
+        };
         let bias = Tensor {
             shape: vec![layer.out_channels],
             data: folded.bias.iter().map(|&bias| bias as f32).collect(),
@@ -106,8 +129,14 @@ pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refu
         weights.insert(format!("{}.bias", layer.name), bias);
     }
     let (ignored, unknown) = rest(&checkpoint, &layers, encoder)?;
-    weights.check().map_err(|error| Refusal::new("converted weights", "values that fit f32", error))?;
-    Ok(Conversion { weights, ignored, unknown })
+    weights
+        .check()
+        .map_err(|error| Refusal::new("converted weights", "values that fit f32", error))?;
+    Ok(Conversion {
+        weights,
+        ignored,
+        unknown,
+    })
 }
 
 /// The checkpoint at `path` as the trainer takes it: values as they are, batch normalization apart.
@@ -115,9 +144,14 @@ pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refu
 /// # Errors
 /// [`Error::Unreadable`] or [`Error::Refused`], with the path.
 pub fn unfold(path: &Path, options: &Options) -> Result<Unfolding, Error> {
-    let bytes = read(path).map_err(|error| Error::Unreadable { path: path.into(), error })?;
-    let mut unfolding =
-        unfold_bytes(&bytes, options).map_err(|refusal| Error::Refused { path: path.into(), refusal })?;
+    let bytes = read(path).map_err(|error| Error::Unreadable {
+        path: path.into(),
+        error,
+    })?;
+    let mut unfolding = unfold_bytes(&bytes, options).map_err(|refusal| Error::Refused {
+        path: path.into(),
+        refusal,
+    })?;
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     unfolding.unfolded.source = format!("PyTorch checkpoint {}", brief(file));
     Ok(unfolding)
@@ -128,7 +162,11 @@ pub fn unfold(path: &Path, options: &Options) -> Result<Unfolding, Error> {
 /// # Errors
 /// As [`convert_bytes`].
 pub fn unfold_bytes(bytes: &[u8], options: &Options) -> Result<Unfolding, Refusal> {
-    let Opened { mut checkpoint, encoder, architecture } = open(bytes, options)?;
+    let Opened {
+        mut checkpoint,
+        encoder,
+        architecture,
+    } = open(bytes, options)?;
     let layers = convolutions(&architecture);
     let mut unfolded = Unfolded {
         architecture,
@@ -142,12 +180,26 @@ pub fn unfold_bytes(bytes: &[u8], options: &Options) -> Result<Unfolding, Refusa
     };
     for layer in &layers {
         let outputs = [layer.out_channels];
-        let shape = [layer.out_channels, layer.in_channels, layer.kernel, layer.kernel];
+        let shape = [
+            layer.out_channels,
+            layer.in_channels,
+            layer.kernel,
+            layer.kernel,
+        ];
         let names = parameters(layer, encoder);
         let weight = checkpoint.load(&names[0], &shape)?;
-        let ohwi = Convolution { shape, weight, bias: Vec::new() }.weight_ohwi();
+        let ohwi = Convolution {
+            shape,
+            weight,
+            bias: Vec::new(),
+        }
+        .weight_ohwi();
         let ohwi = ohwi.into_iter().map(f64::from).collect();
-        insert(format!("{}.weight", layer.name), layer.weight_shape().to_vec(), ohwi);
+        insert(
+            format!("{}.weight", layer.name),
+            layer.weight_shape().to_vec(),
+            ohwi,
+        );
         let ours = ["bias"].into_iter().chain(names::OUR_BATCH_NORM);
         for (theirs, ours) in names[1..].iter().zip(ours) {
             let values = checkpoint.load(theirs, &outputs)?;
@@ -158,8 +210,14 @@ pub fn unfold_bytes(bytes: &[u8], options: &Options) -> Result<Unfolding, Refusa
         insert(name.to_owned(), Vec::new(), checkpoint.load(name, &[])?);
     }
     let (ignored, unknown) = rest(&checkpoint, &layers, encoder)?;
-    unfolded.check().map_err(|error| Refusal::new("parameters", "values that can be trained", error))?;
-    Ok(Unfolding { unfolded, ignored, unknown })
+    unfolded
+        .check()
+        .map_err(|error| Refusal::new("parameters", "values that can be trained", error))?;
+    Ok(Unfolding {
+        unfolded,
+        ignored,
+        unknown,
+    })
 }
 
 /// A checkpoint whose network is known.
@@ -171,13 +229,25 @@ struct Opened<'a> {
 
 fn open<'a>(bytes: &'a [u8], options: &Options) -> Result<Opened<'a>, Refusal> {
     let checkpoint = Checkpoint::from_bytes(bytes)?;
-    if let Some(name) = checkpoint.names().find(|name| names::role(name) == Role::Gate) {
+    if let Some(name) = checkpoint
+        .names()
+        .find(|name| names::role(name) == Role::Gate)
+    {
         let expected = "a network without dynamic channel weighting (gates)";
         return Err(Refusal::new(format!("tensor {name:?}"), expected, "a gate"));
     }
     let encoder = EncoderNames::find(|name| checkpoint.shape(name).is_some());
-    let architecture = infer(&checkpoint, encoder, options.encoder_relu, options.encoder_position)?;
-    Ok(Opened { checkpoint, encoder, architecture })
+    let architecture = infer(
+        &checkpoint,
+        encoder,
+        options.encoder_relu,
+        options.encoder_position,
+    )?;
+    Ok(Opened {
+        checkpoint,
+        encoder,
+        architecture,
+    })
 }
 
 /// A layer with everything folded in that follows it.
@@ -188,10 +258,19 @@ fn fold(
 ) -> Result<Convolution, Refusal> {
     let names = parameters(layer, encoder);
     let outputs = [layer.out_channels];
-    let shape = [layer.out_channels, layer.in_channels, layer.kernel, layer.kernel];
+    let shape = [
+        layer.out_channels,
+        layer.in_channels,
+        layer.kernel,
+        layer.kernel,
+    ];
     let weight = checkpoint.load(&names[0], &shape)?;
     let bias = checkpoint.load(&names[1], &outputs)?;
-    let mut folded = Convolution { shape, weight, bias };
+    let mut folded = Convolution {
+        shape,
+        weight,
+        bias,
+    };
     if let [scale, shift, mean, variance] = &names[2..] {
         let bn = BatchNorm {
             scale: checkpoint.load(scale, &outputs)?,
@@ -200,7 +279,11 @@ fn fold(
             variance: checkpoint.load(variance, &outputs)?,
         };
         if let Some(negative) = bn.variance.iter().find(|&&variance| variance < 0.0) {
-            return Err(Refusal::new(format!("tensor {variance:?}"), "no negative variance", negative));
+            return Err(Refusal::new(
+                format!("tensor {variance:?}"),
+                "no negative variance",
+                negative,
+            ));
         }
         folded.fold_batch_norm(&bn);
     }
@@ -226,7 +309,11 @@ fn rest(
     for layer in layers {
         used.extend(parameters(layer, encoder));
         if layer.bn {
-            used.insert(format!("{}.{}", names::prefix(&layer.name, encoder), names::COUNTER));
+            used.insert(format!(
+                "{}.{}",
+                names::prefix(&layer.name, encoder),
+                names::COUNTER
+            ));
         }
     }
     let (mut ignored, mut unknown) = (checkpoint.others().to_vec(), Vec::new());
@@ -236,7 +323,11 @@ fn rest(
             Role::Unknown => unknown.push(name.to_owned()),
             Role::Deployed | Role::Gate => {
                 let place = format!("tensor {name:?}");
-                return Err(Refusal::new(place, "no tensor of this name in this network", "one"));
+                return Err(Refusal::new(
+                    place,
+                    "no tensor of this name in this network",
+                    "one",
+                ));
             }
         }
     }
@@ -246,7 +337,9 @@ fn rest(
 /// Reads no more than one byte beyond the bound, whatever a file's metadata say about its length.
 pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(checkpoint::MAX_BYTES + 1).read_to_end(&mut bytes)?;
+    File::open(path)?
+        .take(checkpoint::MAX_BYTES + 1)
+        .read_to_end(&mut bytes)?;
     if bytes.len() as u64 > checkpoint::MAX_BYTES {
         let message = format!("larger than {} bytes", checkpoint::MAX_BYTES);
         return Err(io::Error::new(io::ErrorKind::FileTooLarge, message));

@@ -46,8 +46,16 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    pub(crate) fn new(place: impl ToString, expected: impl ToString, found: impl ToString) -> Refusal {
-        Refusal { place: brief(place), expected: brief(expected), found: brief(found) }
+    pub(crate) fn new(
+        place: impl ToString,
+        expected: impl ToString,
+        found: impl ToString,
+    ) -> Refusal {
+        Refusal {
+            place: brief(place),
+            expected: brief(expected),
+            found: brief(found),
+        }
     }
 }
 
@@ -55,8 +63,11 @@ impl Refusal {
 pub(crate) fn brief(text: impl ToString) -> String {
     const LONGEST: usize = 300;
     let text = text.to_string();
-    let mut short: String =
-        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    let mut short: String = text
+        .chars()
+        .take(LONGEST)
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect();
     if text.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }

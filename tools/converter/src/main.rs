@@ -32,7 +32,11 @@ fn main() -> ExitCode {
             ExitCode::from(match error {
                 Error::Usage(_) => 2,
                 Error::Unreadable { .. } => 3,
-                Error::Ours(ReadError::File { error, .. }) if matches!(*error, ReadError::Io(_)) => 3,
+                Error::Ours(ReadError::File { error, .. })
+                    if matches!(*error, ReadError::Io(_)) =>
+                {
+                    3
+                }
                 Error::Refused { .. }
                 | Error::Ours(_)
                 | Error::Unwritable(WriteError::Invalid(_) | WriteError::Overflow { .. }) => 4,
@@ -52,13 +56,20 @@ fn run(args: &Args) -> Result<String, Error> {
 }
 
 fn to_trainer(args: &Args) -> Result<String, Error> {
-    let Unfolding { unfolded, ignored, unknown } = unfold(&args.checkpoint, &args.options())?;
+    let Unfolding {
+        unfolded,
+        ignored,
+        unknown,
+    } = unfold(&args.checkpoint, &args.options())?;
     left_out(&ignored, &unknown);
     match &args.out {
         Some(out) if !args.dry_run => {
             unfolded.write(out)?;
             let parameters = thousands(unfolded.architecture.parameters() as u64);
-            Ok(format!("{}: {parameters} parameters, nothing folded\n", out.display()))
+            Ok(format!(
+                "{}: {parameters} parameters, nothing folded\n",
+                out.display()
+            ))
         }
         _ => Ok(Table(&unfolded.architecture).to_string()),
     }
@@ -66,11 +77,15 @@ fn to_trainer(args: &Args) -> Result<String, Error> {
 
 fn to_pytorch(args: &Args) -> Result<String, Error> {
     let known = |path: &Path| {
-        path.extension().is_some_and(|e| ["pth", "pt", "safetensors"].iter().any(|known| e == *known))
+        path.extension()
+            .is_some_and(|e| ["pth", "pt", "safetensors"].iter().any(|known| e == *known))
     };
     if let Some(out) = args.out.as_ref().filter(|out| !known(out)) {
         let expected = "expected a name that ends in .pth, .pt or .safetensors";
-        return Err(Error::Usage(format!("--out: {expected}, found {}", out.display())));
+        return Err(Error::Usage(format!(
+            "--out: {expected}, found {}",
+            out.display()
+        )));
     }
     let dict = StateDict::read(&args.checkpoint)?;
     if dict.folded {
@@ -83,15 +98,26 @@ fn to_pytorch(args: &Args) -> Result<String, Error> {
     match &args.out {
         Some(out) if !args.dry_run => {
             dict.write(out)?;
-            Ok(format!("{}: {} tensors\n", out.display(), dict.entries.len()))
+            Ok(format!(
+                "{}: {} tensors\n",
+                out.display(),
+                dict.entries.len()
+            ))
         }
-        _ => Ok(dict.entries.iter().map(|(name, shape, _)| format!("{name} {shape:?}\n")).collect()),
+        _ => Ok(dict
+            .entries
+            .iter()
+            .map(|(name, shape, _)| format!("{name} {shape:?}\n"))
+            .collect()),
     }
 }
 
 /// Says what is not converted.
 fn left_out(ignored: &[String], unknown: &[String]) {
-    for (what, names) in [("ignored", ignored), ("warning: unknown, not converted", unknown)] {
+    for (what, names) in [
+        ("ignored", ignored),
+        ("warning: unknown, not converted", unknown),
+    ] {
         if !names.is_empty() {
             eprintln!("{what} ({}): {}", names.len(), printable(&names.join(", ")));
         }
@@ -99,10 +125,16 @@ fn left_out(ignored: &[String], unknown: &[String]) {
 }
 
 fn to_weights(args: &Args) -> Result<String, Error> {
-    let Conversion { weights, ignored, unknown } = convert(&args.checkpoint, &args.options())?;
+    let Conversion {
+        weights,
+        ignored,
+        unknown,
+    } = convert(&args.checkpoint, &args.options())?;
     left_out(&ignored, &unknown);
     let header = &weights.header;
-    let ratio = header.pruning_ratio.map_or("none of 0.0 to 0.9".into(), |ratio| ratio.to_string());
+    let ratio = header
+        .pruning_ratio
+        .map_or("none of 0.0 to 0.9".into(), |ratio| ratio.to_string());
     let mut text = String::new();
     if args.dry_run {
         // As strict as the real thing: what cannot be written is refused here too.
@@ -111,7 +143,10 @@ fn to_weights(args: &Args) -> Result<String, Error> {
     } else if let Some(out) = &args.out {
         weights.write(out).map_err(Error::Unwritable)?;
         let parameters = thousands(header.architecture.parameters() as u64);
-        text += &format!("{}: {parameters} parameters, pruning ratio {ratio}\n", out.display());
+        text += &format!(
+            "{}: {parameters} parameters, pruning ratio {ratio}\n",
+            out.display()
+        );
     }
     if header.storage == Storage::F16 {
         let (name, error) = f16_rounding(&weights);
@@ -122,5 +157,7 @@ fn to_weights(args: &Args) -> Result<String, Error> {
 
 /// A stranger's names, fit for a terminal.
 fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+    text.chars()
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect()
 }

@@ -26,7 +26,15 @@ pub fn role(name: &str) -> Role {
     let starts = |prefixes: &[&str]| prefixes.iter().any(|prefix| name.starts_with(prefix));
     if starts(&["dr.e1.", "dr.e1_z.", "dr.e1_x.", "mi."]) {
         Role::Training
-    } else if starts(&["basemodel.conv", "c_z_k.", "r_z_k.", "c_x.", "r_x.", "dr.e2", "head."]) {
+    } else if starts(&[
+        "basemodel.conv",
+        "c_z_k.",
+        "r_z_k.",
+        "c_x.",
+        "r_x.",
+        "dr.e2",
+        "head.",
+    ]) {
         Role::Deployed
     } else {
         Role::Unknown
@@ -51,8 +59,16 @@ impl EncoderNames {
         let shared = !convolution("_z") && !convolution("_z.0");
         let branch = if shared { "" } else { "_z" };
         let numbered = convolution(&format!("{branch}.0"));
-        let layers = if numbered && convolution(&format!("{branch}.1")) { 2 } else { 1 };
-        (numbered || convolution(branch)).then_some(EncoderNames { shared, numbered, layers })
+        let layers = if numbered && convolution(&format!("{branch}.1")) {
+            2
+        } else {
+            1
+        };
+        (numbered || convolution(branch)).then_some(EncoderNames {
+            shared,
+            numbered,
+            layers,
+        })
     }
 }
 
@@ -79,9 +95,13 @@ pub fn prefix(layer: &str, encoder: Option<EncoderNames>) -> String {
     } else if let Some(i) = part("head.reg") {
         format!("head.bbox_p5_conv{i}")
     } else {
-        let renamed = layer.replacen("_template", "_z", 1).replacen("_search", "_x", 1);
+        let renamed = layer
+            .replacen("_template", "_z", 1)
+            .replacen("_search", "_x", 1);
         match encoder {
-            Some(EncoderNames { numbered: false, .. }) => renamed.trim_end_matches(".0").to_owned(),
+            Some(EncoderNames {
+                numbered: false, ..
+            }) => renamed.trim_end_matches(".0").to_owned(),
             _ => renamed,
         }
     }

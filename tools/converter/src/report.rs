@@ -18,26 +18,74 @@ impl Display for Table<'_> {
         };
         row(
             "layer",
-            ["kernel", "channels", "out z/x", "parameters", "MAC search", "MAC template"].map(String::from),
+            [
+                "kernel",
+                "channels",
+                "out z/x",
+                "parameters",
+                "MAC search",
+                "MAC template",
+            ]
+            .map(String::from),
         )?;
         for layer in self.0.layers() {
-            let side = |side| if side == 0 { "-".into() } else { format!("{side}") };
-            let stride = if layer.stride == 1 { String::new() } else { format!("/{}", layer.stride) };
-            let pad = if layer.pad == 0 { String::new() } else { format!("+{}", layer.pad) };
+            let side = |side| {
+                if side == 0 {
+                    "-".into()
+                } else {
+                    format!("{side}")
+                }
+            };
+            let stride = if layer.stride == 1 {
+                String::new()
+            } else {
+                format!("/{}", layer.stride)
+            };
+            let pad = if layer.pad == 0 {
+                String::new()
+            } else {
+                format!("+{}", layer.pad)
+            };
             let kernel = match layer.kind {
-                LayerKind::Conv | LayerKind::Correlation => format!("{0}x{0}{stride}{pad}", layer.kernel),
+                LayerKind::Conv | LayerKind::Correlation => {
+                    format!("{0}x{0}{stride}{pad}", layer.kernel)
+                }
                 LayerKind::Pool => format!("max {0}{stride}", layer.kernel),
             };
             let channels = format!("{} > {}", layer.in_channels, layer.out_channels);
             let out = format!("{}/{}", side(layer.out_template), side(layer.out_search));
-            let counts = [layer.parameters() as u64, layer.macs_search(), layer.macs_template()];
+            let counts = [
+                layer.parameters() as u64,
+                layer.macs_search(),
+                layer.macs_template(),
+            ];
             let [parameters, search, template] = counts.map(thousands);
-            row(&layer.name, [kernel, channels, out, parameters, search, template])?;
+            row(
+                &layer.name,
+                [kernel, channels, out, parameters, search, template],
+            )?;
         }
-        row("head.si, head.bi", ["", "", "", "2", "0", "0"].map(String::from))?;
-        let totals = [self.0.parameters() as u64, self.0.macs_search(), self.0.macs_template()];
+        row(
+            "head.si, head.bi",
+            ["", "", "", "2", "0", "0"].map(String::from),
+        )?;
+        let totals = [
+            self.0.parameters() as u64,
+            self.0.macs_search(),
+            self.0.macs_template(),
+        ];
         let [parameters, search, template] = totals.map(thousands);
-        row("total", [String::new(), String::new(), String::new(), parameters, search, template])
+        row(
+            "total",
+            [
+                String::new(),
+                String::new(),
+                String::new(),
+                parameters,
+                search,
+                template,
+            ],
+        )
     }
 }
 
@@ -64,7 +112,12 @@ pub fn f16_rounding(weights: &Weights) -> (&str, f64) {
 /// 1234567 as `1,234,567`.
 pub fn thousands(n: u64) -> String {
     let digits = n.to_string();
-    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
+    let groups: Vec<_> = digits
+        .as_bytes()
+        .rchunks(3)
+        .rev()
+        .map(String::from_utf8_lossy)
+        .collect();
     groups.join(",")
 }
 
@@ -75,7 +128,10 @@ mod tests {
 
     #[test]
     fn thousands_are_grouped() {
-        assert_eq!([0, 999, 1000, 1234567].map(thousands), ["0", "999", "1,000", "1,234,567"]);
+        assert_eq!(
+            [0, 999, 1000, 1234567].map(thousands),
+            ["0", "999", "1,000", "1,234,567"]
+        );
     }
 
     #[test]
@@ -88,7 +144,17 @@ mod tests {
         };
         assert_eq!(
             cells("backbone.conv1"),
-            ["backbone.conv1", "11x11/2", "3", ">", "48", "59/147", "17,568", "376,515,216", "60,652,944"]
+            [
+                "backbone.conv1",
+                "11x11/2",
+                "3",
+                ">",
+                "48",
+                "59/147",
+                "17,568",
+                "376,515,216",
+                "60,652,944"
+            ]
         );
         assert_eq!(cells("dr.e2.0")[1], "3x3+1");
         assert_eq!(cells("neck.search_cls")[5], "-/26");
@@ -100,7 +166,10 @@ mod tests {
         let mut weights = Weights::random(Architecture::new(Widths::pruned(0.9), None), 1);
         let (_, error) = f16_rounding(&weights);
         assert!((1e-5..1e-3).contains(&error), "{error}");
-        let tiny = Tensor { shape: vec![1, 1, 1, 2], data: vec![1e-8, 2e-8] };
+        let tiny = Tensor {
+            shape: vec![1, 1, 1, 2],
+            data: vec![1e-8, 2e-8],
+        };
         weights.insert("head.score.weight", tiny);
         assert_eq!(f16_rounding(&weights), ("head.score.weight", 1.0));
     }

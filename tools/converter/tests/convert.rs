@@ -13,12 +13,21 @@ fn convert(bytes: &[u8]) -> Conversion {
 
 /// One output pixel of every channel, in f64, as PyTorch computes it: convolution, then BN, then the head's scalars.
 fn unfolded(dict: &StateDict, prefix: &str, patch: &[f32]) -> Vec<f64> {
-    let get = |name: &str| dict.get(&format!("{prefix}.{name}")).map(|entry| &entry.data[..]);
+    let get = |name: &str| {
+        dict.get(&format!("{prefix}.{name}"))
+            .map(|entry| &entry.data[..])
+    };
     let weight = get("conv.weight").unwrap();
-    let outputs = weight.chunks_exact(patch.len()).zip(get("conv.bias").unwrap());
+    let outputs = weight
+        .chunks_exact(patch.len())
+        .zip(get("conv.bias").unwrap());
     let mut values: Vec<f64> = outputs
         .map(|(w, &b)| {
-            f64::from(b) + w.iter().zip(patch).map(|(&w, &x)| f64::from(w) * f64::from(x)).sum::<f64>()
+            f64::from(b)
+                + w.iter()
+                    .zip(patch)
+                    .map(|(&w, &x)| f64::from(w) * f64::from(x))
+                    .sum::<f64>()
         })
         .collect();
     if let Some(scale) = get("bn.weight") {
@@ -31,7 +40,9 @@ fn unfolded(dict: &StateDict, prefix: &str, patch: &[f32]) -> Vec<f64> {
     }
     if prefix == "head.bbox_offsets_p5" {
         let scalar = |name: &str| f64::from(dict[name].data[0]);
-        values.iter_mut().for_each(|y| *y = scalar("head.si") * *y + scalar("head.bi"));
+        values
+            .iter_mut()
+            .for_each(|y| *y = scalar("head.si") * *y + scalar("head.bi"));
     }
     values
 }
@@ -40,7 +51,9 @@ fn unfolded(dict: &StateDict, prefix: &str, patch: &[f32]) -> Vec<f64> {
 fn folded(weights: &Weights, layer: &str, patch: &[f32]) -> Vec<f64> {
     let weight = weights.tensor(&format!("{layer}.weight")).unwrap();
     let bias = weights.tensor(&format!("{layer}.bias")).unwrap();
-    let [_, rows, columns, channels] = weight.shape[..] else { panic!("{:?}", weight.shape) };
+    let [_, rows, columns, channels] = weight.shape[..] else {
+        panic!("{:?}", weight.shape)
+    };
     let outputs = weight.data.chunks_exact(patch.len()).zip(&bias.data);
     outputs
         .map(|(w, &b)| {
@@ -56,18 +69,30 @@ fn folded(weights: &Weights, layer: &str, patch: &[f32]) -> Vec<f64> {
 
 /// Every layer of `weights` computes what it does in `dict`.
 fn same_network(weights: &Weights, dict: &StateDict, encoder: &[(&str, &str)], tolerance: f64) {
-    let fixed = layers(1).into_iter().map(|(theirs, ours, ..)| (theirs, ours));
-    let encoder = encoder.iter().map(|&(theirs, ours)| (theirs.to_owned(), ours.to_owned()));
+    let fixed = layers(1)
+        .into_iter()
+        .map(|(theirs, ours, ..)| (theirs, ours));
+    let encoder = encoder
+        .iter()
+        .map(|&(theirs, ours)| (theirs.to_owned(), ours.to_owned()));
     let all: Vec<_> = fixed.chain(encoder).collect();
     assert_eq!(weights.tensors().count(), 2 * all.len());
     for (theirs, ours) in all {
-        let inputs = dict[&format!("{theirs}.conv.weight")].shape[1..].iter().product();
+        let inputs = dict[&format!("{theirs}.conv.weight")].shape[1..]
+            .iter()
+            .product();
         let patch = noise(inputs, &ours);
-        let (found, expected) = (folded(weights, &ours, &patch), unfolded(dict, &theirs, &patch));
+        let (found, expected) = (
+            folded(weights, &ours, &patch),
+            unfolded(dict, &theirs, &patch),
+        );
         assert_eq!(found.len(), expected.len());
         let scale = expected.iter().map(|y| y.abs()).fold(1.0, f64::max);
         for (found, expected) in found.iter().zip(&expected) {
-            assert!((found - expected).abs() <= tolerance * scale, "{ours}: {found} is not {expected}");
+            assert!(
+                (found - expected).abs() <= tolerance * scale,
+                "{ours}: {found} is not {expected}"
+            );
         }
     }
 }
@@ -104,11 +129,20 @@ fn every_container_and_wrapping() {
         for wrapper in [None, Some("model_state_dict"), Some("state_dict")] {
             for prefix in ["", "module."] {
                 for ordered in [false, true] {
-                    let form = Form { wrapper, prefix, ordered, legacy, ..PLAIN };
+                    let form = Form {
+                        wrapper,
+                        prefix,
+                        ordered,
+                        legacy,
+                        ..PLAIN
+                    };
                     let conversion = convert(&checkpoint(&dict, form));
                     assert_eq!(conversion.weights, expected);
-                    let beside: &[&str] =
-                        if wrapper.is_some() { &["epoch", "optimizer_state_dict"] } else { &[] };
+                    let beside: &[&str] = if wrapper.is_some() {
+                        &["epoch", "optimizer_state_dict"]
+                    } else {
+                        &[]
+                    };
                     assert_eq!(conversion.ignored, beside);
                 }
             }
@@ -120,11 +154,30 @@ fn every_container_and_wrapping() {
 fn every_floating_point_type() {
     let dict = network();
     for (dtype, tolerance) in [("Double", 1e-5), ("Half", 3e-2), ("BFloat16", 2e-1)] {
-        let form = Form { dtype, legacy: dtype == "Half", ..PLAIN };
-        same_network(&convert(&checkpoint(&dict, form)).weights, &dict, &[], tolerance);
+        let form = Form {
+            dtype,
+            legacy: dtype == "Half",
+            ..PLAIN
+        };
+        same_network(
+            &convert(&checkpoint(&dict, form)).weights,
+            &dict,
+            &[],
+            tolerance,
+        );
     }
     let exact = convert(&checkpoint(&dict, PLAIN)).weights;
-    assert_eq!(convert(&checkpoint(&dict, Form { dtype: "Double", ..PLAIN })).weights, exact);
+    assert_eq!(
+        convert(&checkpoint(
+            &dict,
+            Form {
+                dtype: "Double",
+                ..PLAIN
+            }
+        ))
+        .weights,
+        exact
+    );
 }
 
 #[test]
@@ -134,19 +187,31 @@ fn strides_and_offsets() {
     let name = "basemodel.conv2.conv.weight";
     let mut others = dict.clone();
     let entry = others.remove(name).unwrap();
-    let [n, c, h, w] = entry.shape[..] else { panic!() };
+    let [n, c, h, w] = entry.shape[..] else {
+        panic!()
+    };
     let mut data = vec![f32::NAN; 10];
     for (at, channel) in (0..n * h * w).flat_map(|at| (0..c).map(move |channel| (at, channel))) {
         data.push(entry.data[(at / (h * w) * c + channel) * h * w + at % (h * w)]);
     }
     let (bytes, mut storages) = pickle(&others, PLAIN);
     let elements = data.len();
-    storages.push(("last".into(), elements, data.iter().flat_map(|x| x.to_le_bytes()).collect()));
+    storages.push((
+        "last".into(),
+        elements,
+        data.iter().flat_map(|x| x.to_le_bytes()).collect(),
+    ));
     let [n, c, h, w] = [n, c, h, w].map(|n| n as i64);
     let storage = |p: Pickle| p.storage("FloatStorage", "last", elements as i64, false);
-    let strided = Pickle(vec![]).text(name).tensor(storage, 10, &[n, c, h, w], &[h * w * c, 1, w * c, c]);
+    let strided =
+        Pickle(vec![])
+            .text(name)
+            .tensor(storage, 10, &[n, c, h, w], &[h * w * c, 1, w * c, c]);
     let bytes = [&bytes[..bytes.len() - 2], &strided.0, b"u."].concat();
-    assert_eq!(convert(&zip(&bytes, &storages)).weights, convert(&checkpoint(&dict, PLAIN)).weights);
+    assert_eq!(
+        convert(&zip(&bytes, &storages)).weights,
+        convert(&checkpoint(&dict, PLAIN)).weights
+    );
 }
 
 #[test]
@@ -155,25 +220,51 @@ fn encoders_in_every_form() {
     // One 1x1 convolution; two numbered ones; one each for template and search.
     let mut dict = network_behind(wide);
     add_layer(&mut dict, "dr.e2", [wide, BACKBONE[4], 1, 1], true);
-    let encoder = convert(&checkpoint(&dict, PLAIN)).weights.header.architecture.encoder.unwrap();
-    assert_eq!((encoder.kernel, encoder.layers, encoder.shared), (1, 1, true));
+    let encoder = convert(&checkpoint(&dict, PLAIN))
+        .weights
+        .header
+        .architecture
+        .encoder
+        .unwrap();
+    assert_eq!(
+        (encoder.kernel, encoder.layers, encoder.shared),
+        (1, 1, true)
+    );
 
     let mut dict = network_behind(wide);
     add_layer(&mut dict, "dr.e2.0", [wide, BACKBONE[4], 3, 3], true);
     add_layer(&mut dict, "dr.e2.1", [wide, wide, 3, 3], true);
     let weights = convert(&checkpoint(&dict, PLAIN)).weights;
     assert_eq!(weights.header.architecture.encoder.unwrap().layers, 2);
-    same_network(&weights, &dict, &[("dr.e2.0", "dr.e2.0"), ("dr.e2.1", "dr.e2.1")], 1e-5);
+    same_network(
+        &weights,
+        &dict,
+        &[("dr.e2.0", "dr.e2.0"), ("dr.e2.1", "dr.e2.1")],
+        1e-5,
+    );
 
     let mut dict = network_behind(wide);
     add_layer(&mut dict, "dr.e2_z", [wide, BACKBONE[4], 3, 3], true);
     add_layer(&mut dict, "dr.e2_x", [wide, BACKBONE[4], 3, 3], true);
     let weights = convert(&checkpoint(&dict, PLAIN)).weights;
     assert!(!weights.header.architecture.encoder.unwrap().shared);
-    same_network(&weights, &dict, &[("dr.e2_z", "dr.e2_template.0"), ("dr.e2_x", "dr.e2_search.0")], 1e-5);
+    same_network(
+        &weights,
+        &dict,
+        &[
+            ("dr.e2_z", "dr.e2_template.0"),
+            ("dr.e2_x", "dr.e2_search.0"),
+        ],
+        1e-5,
+    );
 
-    let options = Options { encoder_relu: false, ..Options::default() };
-    let linear = convert_bytes(&checkpoint(&dict, PLAIN), &options).unwrap().weights;
+    let options = Options {
+        encoder_relu: false,
+        ..Options::default()
+    };
+    let linear = convert_bytes(&checkpoint(&dict, PLAIN), &options)
+        .unwrap()
+        .weights;
     assert!(!linear.header.architecture.encoder.unwrap().relu);
 }
 
@@ -181,19 +272,36 @@ fn encoders_in_every_form() {
 fn training_networks_are_ignored_and_strangers_reported() {
     let mut dict = network_with_encoder();
     add_layer(&mut dict, "dr.e1", [7, 7, 3, 3], true);
-    dict.insert("mi.g.0.weight".into(), Entry { shape: vec![2, 2], data: vec![0.0; 4] });
-    dict.insert("loss.weight".into(), Entry { shape: vec![1], data: vec![f32::NAN] });
+    dict.insert(
+        "mi.g.0.weight".into(),
+        Entry {
+            shape: vec![2, 2],
+            data: vec![0.0; 4],
+        },
+    );
+    dict.insert(
+        "loss.weight".into(),
+        Entry {
+            shape: vec![1],
+            data: vec![f32::NAN],
+        },
+    );
     let conversion = convert(&checkpoint(&dict, PLAIN));
     assert_eq!(conversion.ignored.len(), 7);
     assert!(conversion.ignored.contains(&"mi.g.0.weight".to_owned()));
     assert_eq!(conversion.unknown, ["loss.weight"]);
-    assert_eq!(conversion.weights, convert(&checkpoint(&network_with_encoder(), PLAIN)).weights);
+    assert_eq!(
+        conversion.weights,
+        convert(&checkpoint(&network_with_encoder(), PLAIN)).weights
+    );
 }
 
 #[test]
 fn deflated_entries_and_other_roots() {
     let (pickle, storages) = pickle(&network(), PLAIN);
-    let entries = storages.into_iter().map(|(key, _, bytes)| (format!("data/{key}"), bytes));
+    let entries = storages
+        .into_iter()
+        .map(|(key, _, bytes)| (format!("data/{key}"), bytes));
     let entries = [("data.pkl".to_owned(), pickle)].into_iter().chain(entries);
     let weights = convert(&archive(entries, CompressionMethod::Deflated)).weights;
     assert_eq!(weights, convert(&checkpoint(&network(), PLAIN)).weights);
@@ -203,9 +311,17 @@ fn deflated_entries_and_other_roots() {
 fn newer_protocols() {
     // Protocol 4: a frame, short strings, memoized, STACK_GLOBAL.
     let short = |text: &str| [&[0x8c, text.len() as u8], text.as_bytes(), &[0x94]].concat();
-    let dict = [short("collections"), short("OrderedDict"), vec![0x93, b')', b'R', 0x94]].concat();
+    let dict = [
+        short("collections"),
+        short("OrderedDict"),
+        vec![0x93, b')', b'R', 0x94],
+    ]
+    .concat();
     let start = [&[0x80, 4, 0x95], &999_u64.to_le_bytes()[..], &dict, b"("].concat();
     let (bytes, storages) = pickle(&network(), PLAIN);
     let bytes = [&start, &bytes[4..]].concat();
-    assert_eq!(convert(&zip(&bytes, &storages)).weights, convert(&checkpoint(&network(), PLAIN)).weights);
+    assert_eq!(
+        convert(&zip(&bytes, &storages)).weights,
+        convert(&checkpoint(&network(), PLAIN)).weights
+    );
 }

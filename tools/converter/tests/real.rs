@@ -11,13 +11,18 @@ use weights_format::{Architecture, Encoder, Storage, Weights, Widths};
 
 /// The real checkpoint, which not everybody has.
 fn probe() -> Option<PathBuf> {
-    let shared = std::env::var_os("TRACK_CPU_SHARED")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
+    let shared = std::env::var_os("TRACK_CPU_SHARED").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
+        PathBuf::from,
+    );
     let path = shared.join("checkpoints/drmim_p50_probe.pth");
     if path.is_file() {
         return Some(path);
     }
-    println!("SKIPPED: {} is not there (TRACK_CPU_SHARED names its folder)", path.display());
+    println!(
+        "SKIPPED: {} is not there (TRACK_CPU_SHARED names its folder)",
+        path.display()
+    );
     None
 }
 
@@ -33,9 +38,16 @@ fn a_real_checkpoint() {
     assert_eq!(header.architecture.parameters(), 2_573_236);
     assert_eq!(header.pruning_ratio, Some(0.5));
     assert_eq!(header.provenance.name, "drmim_p50_probe");
-    assert_eq!(header.provenance.source, "PyTorch checkpoint drmim_p50_probe.pth");
+    assert_eq!(
+        header.provenance.source,
+        "PyTorch checkpoint drmim_p50_probe.pth"
+    );
     // The checkpoint's 2,573,236 less BN's scales and shifts and the two scalars (spec section 1.6), and the encoder's BN.
-    let values: usize = conversion.weights.tensors().map(|(_, tensor)| tensor.data.len()).sum();
+    let values: usize = conversion
+        .weights
+        .tensors()
+        .map(|(_, tensor)| tensor.data.len())
+        .sum();
     assert_eq!(values, 2_573_236 - 2_924 - 2 * 128 - 2);
     // The distances that it predicts on its own average: exp of something moderate.
     let bias = &conversion.weights.tensor("head.offsets.bias").unwrap().data;
@@ -60,7 +72,10 @@ impl Drop for Folder {
 }
 
 fn run(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_convert")).args(args).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_convert"))
+        .args(args)
+        .output()
+        .unwrap()
 }
 
 fn text(bytes: &[u8]) -> &str {
@@ -73,20 +88,45 @@ fn the_program_converts() {
     let [checkpoint, out] =
         ["small.pth", "small.safetensors"].map(|name| folder.0.join(name).display().to_string());
     let mut dict = common::network_with_encoder();
-    dict.insert("dr.e1.bn.weight".into(), common::Entry { shape: vec![1], data: vec![0.0] });
-    dict.insert("extra\u{1b}[2J".into(), common::Entry { shape: vec![1], data: vec![0.0] });
+    dict.insert(
+        "dr.e1.bn.weight".into(),
+        common::Entry {
+            shape: vec![1],
+            data: vec![0.0],
+        },
+    );
+    dict.insert(
+        "extra\u{1b}[2J".into(),
+        common::Entry {
+            shape: vec![1],
+            data: vec![0.0],
+        },
+    );
     std::fs::write(&checkpoint, common::checkpoint(&dict, common::PLAIN)).unwrap();
 
     let dry = run(&[&checkpoint, "--dry-run"]);
     assert_eq!(dry.status.code(), Some(0));
-    assert!(text(&dry.stdout).contains("backbone.conv1"), "{}", text(&dry.stdout));
+    assert!(
+        text(&dry.stdout).contains("backbone.conv1"),
+        "{}",
+        text(&dry.stdout)
+    );
     assert_eq!(
         text(&dry.stderr),
         "ignored (1): dr.e1.bn.weight\nwarning: unknown, not converted (1): extra\u{fffd}[2J\n"
     );
     assert!(!Path::new(&out).exists());
 
-    let real = run(&[&checkpoint, "--out", &out, "--dtype", "f16", "--name", "tiny", "--encoder-linear"]);
+    let real = run(&[
+        &checkpoint,
+        "--out",
+        &out,
+        "--dtype",
+        "f16",
+        "--name",
+        "tiny",
+        "--encoder-linear",
+    ]);
     assert_eq!(real.status.code(), Some(0), "{}", text(&real.stderr));
     let weights = Weights::read(out.as_ref()).unwrap();
     assert_eq!(weights.header.storage, Storage::F16);
@@ -107,14 +147,34 @@ fn the_program_says_who_is_at_fault() {
     for (args, code, message) in [
         (vec![good.as_str()], 2, "--out"),
         (vec![&good, "--dry-run", "--dtype", "int8"], 2, "int8"),
-        (vec![&path("absent"), "--dry-run"], 3, "absent: cannot be read"),
-        (vec![&bad, "--dry-run"], 4, "bad.pth: file: expected a PyTorch checkpoint"),
-        (vec![&large, "--dry-run", "--dtype", "f16"], 4, "\"head.cls1.weight\": 100000 does not fit f16"),
-        (vec![&good, "--out", &path("absent/x.safetensors")], 5, "x.safetensors: cannot be written"),
+        (
+            vec![&path("absent"), "--dry-run"],
+            3,
+            "absent: cannot be read",
+        ),
+        (
+            vec![&bad, "--dry-run"],
+            4,
+            "bad.pth: file: expected a PyTorch checkpoint",
+        ),
+        (
+            vec![&large, "--dry-run", "--dtype", "f16"],
+            4,
+            "\"head.cls1.weight\": 100000 does not fit f16",
+        ),
+        (
+            vec![&good, "--out", &path("absent/x.safetensors")],
+            5,
+            "x.safetensors: cannot be written",
+        ),
     ] {
         let output = run(&args);
         assert_eq!(output.status.code(), Some(code), "{args:?}");
-        assert!(text(&output.stderr).contains(message), "{args:?}: {}", text(&output.stderr));
+        assert!(
+            text(&output.stderr).contains(message),
+            "{args:?}: {}",
+            text(&output.stderr)
+        );
         assert!(output.stdout.is_empty());
     }
 }

@@ -25,7 +25,10 @@ pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
     let train = collect(&model, &args.flights, args.seed)?;
     let presence = if args.again_only {
-        rounded(Presence { again: fit_again(&train)?, ..Presence::of(model.header())? })
+        rounded(Presence {
+            again: fit_again(&train)?,
+            ..Presence::of(model.header())?
+        })
     } else {
         fit(&train)?
     };
@@ -41,20 +44,31 @@ pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         std::fs::write(path, presence.to_text())
             .map_err(|error| Failure::File(path.clone(), error.to_string()))?;
     }
-    args.into.as_deref().map_or(Ok(()), |path| write(path, &presence))
+    args.into
+        .as_deref()
+        .map_or(Ok(()), |path| write(path, &presence))
 }
 
 /// Adds the coefficients to a weights file.
 fn write(path: &Path, presence: &Presence) -> Result<(), Failure> {
     let mut weights = Weights::read(path)?;
-    weights.header.provenance.notes.insert(PRESENCE_NOTE.into(), presence.to_text());
-    debug_assert!(matches!(weights.header.storage, Storage::F32 | Storage::F16));
+    weights
+        .header
+        .provenance
+        .notes
+        .insert(PRESENCE_NOTE.into(), presence.to_text());
+    debug_assert!(matches!(
+        weights.header.storage,
+        Storage::F32 | Storage::F16
+    ));
     weights.write(path)?;
     Ok(())
 }
 
 fn inputs<'a>(samples: impl Iterator<Item = &'a Sample>) -> Vec<(Inputs, bool)> {
-    samples.filter_map(|s| Some((s.evidence.values, s.on?))).collect()
+    samples
+        .filter_map(|s| Some((s.evidence.values, s.on?)))
+        .collect()
 }
 
 /// Fits the single look first, then memory, gain and shift of consecutive ones.
@@ -66,8 +80,16 @@ fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
         all.iter_mut().for_each(|(values, _)| values[index] = 0.0);
     }
     let (look, again) = (weighing(&all)?, fit_again(flights)?);
-    let plain = Presence { look, again, memory: 0.0, gain: 1.0, shift: 0.0 };
-    let tried = MEMORIES.iter().map(|&memory| smooth(plain, memory, flights));
+    let plain = Presence {
+        look,
+        again,
+        memory: 0.0,
+        gain: 1.0,
+        shift: 0.0,
+    };
+    let tried = MEMORIES
+        .iter()
+        .map(|&memory| smooth(plain, memory, flights));
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     Ok(rounded(best.map_or(plain, |(_, presence)| presence)))
 }
@@ -91,13 +113,23 @@ fn weighing(looks: &[(Inputs, bool)]) -> Result<Weighing, Failure> {
 
 /// Where some evidence is among all.
 fn places(names: &[&str]) -> Vec<usize> {
-    (0..EVIDENCE_NAMES.len()).filter(|&i| names.contains(&EVIDENCE_NAMES[i])).collect()
+    (0..EVIDENCE_NAMES.len())
+        .filter(|&i| names.contains(&EVIDENCE_NAMES[i]))
+        .collect()
 }
 
 /// Six significant digits are more than the fit is worth.
 fn rounded(mut presence: Presence) -> Presence {
-    let Presence { look, again, gain, shift, .. } = &mut presence;
-    let both = [look, again].into_iter().flat_map(|w| std::iter::once(&mut w.bias).chain(&mut w.weights));
+    let Presence {
+        look,
+        again,
+        gain,
+        shift,
+        ..
+    } = &mut presence;
+    let both = [look, again]
+        .into_iter()
+        .flat_map(|w| std::iter::once(&mut w.bias).chain(&mut w.weights));
     for number in [gain, shift].into_iter().chain(both) {
         *number = format!("{number:.5e}").parse().unwrap_or(*number);
     }
@@ -108,7 +140,10 @@ fn rounded(mut presence: Presence) -> Presence {
 fn smooth(mut presence: Presence, memory: f64, flights: &[Samples]) -> (f64, Presence) {
     presence.memory = memory;
     let labeled = |(odds, sample): (f64, &Sample)| Some(([odds], sample.on?));
-    let odds: Vec<([f64; 1], bool)> = smoothed(&presence, flights).into_iter().filter_map(labeled).collect();
+    let odds: Vec<([f64; 1], bool)> = smoothed(&presence, flights)
+        .into_iter()
+        .filter_map(labeled)
+        .collect();
     let (shift, [gain]) = logistic(&odds, &[]);
     (presence.gain, presence.shift) = (gain.max(0.05), shift);
     (log_loss(&probabilities(&presence, flights)), presence)
@@ -131,7 +166,10 @@ fn smoothed<'a>(presence: &Presence, flights: &'a [Samples]) -> Vec<(f64, &'a Sa
 
 fn probabilities(presence: &Presence, flights: &[Samples]) -> Vec<(f64, bool)> {
     let probability = |odds: f64| 1.0 / (1.0 + (-(presence.gain * odds + presence.shift)).exp());
-    smoothed(presence, flights).into_iter().filter_map(|(odds, s)| Some((probability(odds), s.on?))).collect()
+    smoothed(presence, flights)
+        .into_iter()
+        .filter_map(|(odds, s)| Some((probability(odds), s.on?)))
+        .collect()
 }
 
 fn labeled(flights: &[Samples], value: impl Fn(&Sample) -> f64) -> Vec<(f64, bool)> {
@@ -147,20 +185,41 @@ fn report(title: &str, presence: &Presence, flights: &[Samples]) {
     let frames = probabilities(presence, flights);
     let gone: Vec<(f64, bool)> = smoothed(presence, flights)
         .into_iter()
-        .filter_map(|(odds, s)| if s.gone { Some((odds, false)) } else { s.on?.then_some((odds, true)) })
+        .filter_map(|(odds, s)| {
+            if s.gone {
+                Some((odds, false))
+            } else {
+                s.on?.then_some((odds, true))
+            }
+        })
         .collect();
     let alone = |of: fn(&Samples) -> &Vec<Sample>, weighing: &Weighing| -> Vec<(f64, bool)> {
-        flights.iter().flat_map(of).filter_map(|s| Some((weighing.alone(&s.evidence), s.on?))).collect()
+        flights
+            .iter()
+            .flat_map(of)
+            .filter_map(|s| Some((weighing.alone(&s.evidence), s.on?)))
+            .collect()
     };
     let looks = alone(|f| &f.looks, &presence.look);
-    println!("\n{title}: {} flights, {} frames, {} single looks", flights.len(), frames.len(), looks.len());
+    println!(
+        "\n{title}: {} flights, {} frames, {} single looks",
+        flights.len(),
+        frames.len(),
+        looks.len()
+    );
     println!("AUROC on/off target {}", shown(auroc(&frames)));
-    println!("AUROC target visible and tracked/gone {}", shown(auroc(&gone)));
+    println!(
+        "AUROC target visible and tracked/gone {}",
+        shown(auroc(&gone))
+    );
     println!("AUROC single looks {}", shown(auroc(&looks)));
     println!("{}", reliability(&frames));
     let again = alone(|f| &f.again, &presence.again);
     let alike = alone(|f| &f.again, &presence.look);
-    println!("looks for a target that was not seen for up to three seconds: {}", again.len());
+    println!(
+        "looks for a target that was not seen for up to three seconds: {}",
+        again.len()
+    );
     println!(
         "AUROC {}; weighed as if it had been seen just before {}",
         shown(auroc(&again)),

@@ -51,7 +51,10 @@ pub fn collect(model: &Model, args: &FlightArgs, first: u64) -> Result<Vec<Sampl
 }
 
 fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failure> {
-    let options = FlightOptions { conduct: Conduct::Watch, ..FlightOptions::new(model) };
+    let options = FlightOptions {
+        conduct: Conduct::Watch,
+        ..FlightOptions::new(model)
+    };
     let mut tracker = FlightTracker::new(model.clone(), options)?;
     let mut late = FlightTracker::new(model.clone(), options)?;
     let mut samples = Samples::default();
@@ -69,9 +72,20 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
         } else if age <= SEEN {
             let track = late.update(frame, Budget::Searches(1))?;
             // One that lost it teaches nothing: shown again.
-            age = if is_on(&track.bbox, truth) == Some(false) { u32::MAX } else { age };
+            age = if is_on(&track.bbox, truth) == Some(false) {
+                u32::MAX
+            } else {
+                age
+            };
         } else if age <= SEEN + UNSEEN && index % LOOK_EVERY == 0 {
-            look_around(&mut late, Looks::Twice, frame, truth, &mut chance, &mut samples.again)?;
+            look_around(
+                &mut late,
+                Looks::Twice,
+                frame,
+                truth,
+                &mut chance,
+                &mut samples.again,
+            )?;
             look_at_nothing(&mut late, index, truth, &mut samples.again)?;
         }
         if off > OFF_FRAMES {
@@ -85,11 +99,26 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
         let track = tracker.update(frame, Budget::Searches(1))?;
         let on = is_on(&track.bbox, truth);
         if let (Some(evidence), Some(run)) = (tracker.evidence(), samples.runs.last_mut()) {
-            run.push(Sample { evidence: *evidence, on, gone });
+            run.push(Sample {
+                evidence: *evidence,
+                on,
+                gone,
+            });
         }
-        off = if on == Some(false) && truth.visible > 0.5 { off + 1 } else { 0 };
+        off = if on == Some(false) && truth.visible > 0.5 {
+            off + 1
+        } else {
+            0
+        };
         if index % LOOK_EVERY == 0 {
-            look_around(&mut tracker, Looks::Once, frame, truth, &mut chance, &mut samples.looks)?;
+            look_around(
+                &mut tracker,
+                Looks::Once,
+                frame,
+                truth,
+                &mut chance,
+                &mut samples.looks,
+            )?;
             look_at_nothing(&mut tracker, index, truth, &mut samples.looks)?;
         }
         Ok(())
@@ -117,13 +146,20 @@ fn look_around(
 ) -> Result<(), Failure> {
     let (target, gone) = (bbox(&truth.bbox), truth.visible <= GONE);
     let mut places = vec![chance.near(&target, 0.6)];
-    let alike: Vec<BBox> =
-        truth.distractors.iter().map(bbox).filter(|d| d.iou(&target) < OFF && d.area() > 40.0).collect();
+    let alike: Vec<BBox> = truth
+        .distractors
+        .iter()
+        .map(bbox)
+        .filter(|d| d.iou(&target) < OFF && d.area() > 40.0)
+        .collect();
     if !alike.is_empty() {
         let one = alike[chance.below(alike.len())];
         places.push(chance.near(&one, 0.3));
     }
-    let (x, y) = (chance.unit() * frame.width() as f32, chance.unit() * frame.height() as f32);
+    let (x, y) = (
+        chance.unit() * frame.width() as f32,
+        chance.unit() * frame.height() as f32,
+    );
     places.push(BBox::new(x, y, target.w, target.h));
     for place in places {
         let c = place.center();
@@ -161,7 +197,11 @@ fn look_at_nothing(
     let target = bbox(&truth.bbox);
     let around = BBox::new(width as f32 / 2.0, height as f32 / 2.0, target.w, target.h);
     let found = tracker.examine(&frame, around)?;
-    looks.extend(found.map(|(_, evidence)| Sample { evidence, on: Some(false), gone: true }));
+    looks.extend(found.map(|(_, evidence)| Sample {
+        evidence,
+        on: Some(false),
+        gone: true,
+    }));
     Ok(())
 }
 

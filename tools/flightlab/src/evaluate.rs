@@ -46,20 +46,37 @@ struct Outcome {
 pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
     let presence = presence(args.text.as_ref(), &model)?;
-    let outcomes = each_seed(&args.flights, args.seed, |seed| flight(&model, &presence, args, seed))?;
+    let outcomes = each_seed(&args.flights, args.seed, |seed| {
+        flight(&model, &presence, args, seed)
+    })?;
     for outcome in &outcomes {
         if args.trace {
             for (index, m) in outcome.flight.iter().enumerate() {
                 let (visible, iou, state) = (m.visible, m.iou, m.state.name());
                 let other = if m.other { " other" } else { "" };
-                println!("{} {visible:.2} {iou:.2} {:.3} {state}{other}", index + 1, m.presence);
+                println!(
+                    "{} {visible:.2} {iou:.2} {:.3} {state}{other}",
+                    index + 1,
+                    m.presence
+                );
             }
         }
         let found = Count::sum(returns(&outcome.flight).into_iter());
         let flight = format!("{:.3}", mean_iou(&outcome.flight));
-        let paper = if args.flight_only { "-".into() } else { format!("{:.3}", mean_iou(&outcome.paper)) };
-        let wrong = if locks_wrong(&outcome.flight) { "  wrong target" } else { "" };
-        println!("seed {}: IoU {flight}, paper {paper}; found again {found}{wrong}", outcome.seed);
+        let paper = if args.flight_only {
+            "-".into()
+        } else {
+            format!("{:.3}", mean_iou(&outcome.paper))
+        };
+        let wrong = if locks_wrong(&outcome.flight) {
+            "  wrong target"
+        } else {
+            ""
+        };
+        println!(
+            "seed {}: IoU {flight}, paper {paper}; found again {found}{wrong}",
+            outcome.seed
+        );
     }
     let parts = [Some(Difficulty::Medium), Some(Difficulty::Hard), None];
     for part in parts {
@@ -76,13 +93,24 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     }
     let all: Vec<_> = outcomes.iter().map(|outcome| &outcome.flight[..]).collect();
     let folder = args.plots.as_deref();
-    folder.map_or(Ok(()), |folder| plots::write(folder, &on_off(&all), &visible_gone(&all)))
+    folder.map_or(Ok(()), |folder| {
+        plots::write(folder, &on_off(&all), &visible_gone(&all))
+    })
 }
 
-fn flight(model: &Model, presence: &Presence, args: &EvaluateArgs, seed: u64) -> Result<Outcome, Failure> {
+fn flight(
+    model: &Model,
+    presence: &Presence,
+    args: &EvaluateArgs,
+    seed: u64,
+) -> Result<Outcome, Failure> {
     let options = FlightOptions::new(model);
-    let follow = FlightOptions { conduct: Conduct::Tell, ..options };
-    let mut trackers = [options, follow].map(|o| FlightTracker::with_presence(model.clone(), o, *presence));
+    let follow = FlightOptions {
+        conduct: Conduct::Tell,
+        ..options
+    };
+    let mut trackers =
+        [options, follow].map(|o| FlightTracker::with_presence(model.clone(), o, *presence));
     let mut moments = [Vec::new(), Vec::new()];
     let modes = if args.flight_only { 1 } else { trackers.len() };
     play(&args.flights, seed, |index, frame, truth| {
@@ -96,7 +124,11 @@ fn flight(model: &Model, presence: &Presence, args: &EvaluateArgs, seed: u64) ->
         Ok(())
     })?;
     let [flight, paper] = moments;
-    Ok(Outcome { seed, flight, paper })
+    Ok(Outcome {
+        seed,
+        flight,
+        paper,
+    })
 }
 
 fn moment(
@@ -109,8 +141,8 @@ fn moment(
     let iou = track.bbox.iou(&bbox(&truth.bbox));
     let on_other = |b: &BBox| b.iou(&track.bbox) >= ON;
     let (target, center) = (bbox(&truth.bbox), bbox(&truth.bbox).center());
-    let within =
-        (0.0..frame.width() as f32).contains(&center.cx) && (0.0..frame.height() as f32).contains(&center.cy);
+    let within = (0.0..frame.width() as f32).contains(&center.cx)
+        && (0.0..frame.height() as f32).contains(&center.cy);
     Ok(Moment {
         visible: truth.visible,
         iou,
@@ -120,12 +152,21 @@ fn moment(
         believed: track.is_believed(),
         other: iou < OFF && truth.distractors.iter().map(bbox).any(|b| on_other(&b)),
         outside: !within,
-        crossed: within && truth.distractors.iter().map(bbox).any(|b| b.iou(&target) > 0.0),
+        crossed: within
+            && truth
+                .distractors
+                .iter()
+                .map(bbox)
+                .any(|b| b.iou(&target) > 0.0),
     })
 }
 
 fn mean_iou(moments: &[Moment]) -> f64 {
-    let seen: Vec<f64> = moments.iter().filter(|m| m.visible > CLEAR).map(|m| f64::from(m.iou)).collect();
+    let seen: Vec<f64> = moments
+        .iter()
+        .filter(|m| m.visible > CLEAR)
+        .map(|m| f64::from(m.iou))
+        .collect();
     seen.iter().sum::<f64>() / seen.len().max(1) as f64
 }
 
@@ -143,7 +184,10 @@ impl Count {
     }
 
     fn sum(counts: impl Iterator<Item = Count>) -> Count {
-        counts.fold(Count::default(), |a, b| Count { times: a.times + b.times, hits: a.hits + b.hits })
+        counts.fold(Count::default(), |a, b| Count {
+            times: a.times + b.times,
+            hits: a.hits + b.hits,
+        })
     }
 }
 
@@ -159,12 +203,19 @@ fn returns(moments: &[Moment]) -> [Count; 2] {
     let mut counts = [Count::default(); 2];
     let mut at = 0;
     while at < moments.len() {
-        let gone = moments[at..].iter().take_while(|m| m.visible <= CLEAR).count();
+        let gone = moments[at..]
+            .iter()
+            .take_while(|m| m.visible <= CLEAR)
+            .count();
         let (absence, back) = moments[at..].split_at(gone);
         let truly = absence.iter().filter(|m| m.visible <= GONE).count();
-        let tracked = moments[at.saturating_sub(10)..at].iter().any(|m| m.on == Some(true));
+        let tracked = moments[at.saturating_sub(10)..at]
+            .iter()
+            .any(|m| m.on == Some(true));
         if truly >= ABSENCE && tracked && back.len() >= RETURN_FRAMES {
-            let again = back[..RETURN_FRAMES].iter().any(|m| m.on == Some(true) && m.believed);
+            let again = back[..RETURN_FRAMES]
+                .iter()
+                .any(|m| m.on == Some(true) && m.believed);
             let from = usize::from(!absence.iter().any(|m| m.outside));
             counts[from].add(again);
         }
@@ -179,7 +230,11 @@ fn crossings(moments: &[Moment]) -> Count {
     let mut at = 0;
     while let Some(begin) = moments[at..].iter().position(|m| m.crossed).map(|i| at + i) {
         let mut end = begin; // last frame of the crossing
-        while let Some(next) = moments[end + 1..].iter().take(APART).position(|m| m.crossed) {
+        while let Some(next) = moments[end + 1..]
+            .iter()
+            .take(APART)
+            .position(|m| m.crossed)
+        {
             end += 1 + next;
         }
         let before = &moments[begin.saturating_sub(5)..=begin];
@@ -202,7 +257,11 @@ fn locks_wrong(moments: &[Moment]) -> bool {
 
 /// Presence of every frame that is clearly on the target or off it.
 fn on_off(flights: &[&[Moment]]) -> Vec<(f64, bool)> {
-    flights.iter().flat_map(|f| f.iter()).filter_map(|m| Some((m.presence, m.on?))).collect()
+    flights
+        .iter()
+        .flat_map(|f| f.iter())
+        .filter_map(|m| Some((m.presence, m.on?)))
+        .collect()
 }
 
 /// Presence of every frame in which the target is gone, or in view and tracked.
@@ -228,15 +287,28 @@ fn summarize(name: &str, flights: &[&[Moment]]) {
     let iou = flights.iter().map(|f| mean_iou(f)).sum::<f64>() / flights.len().max(1) as f64;
     let shown = |a: Option<f64>| a.map_or("none".into(), |a| format!("{a:.4}"));
     println!("\n{name}: mean IoU {iou:.3} over {} flights", flights.len());
-    println!("AUROC on/off target {}, visible/gone {}", shown(auroc(&labeled)), shown(auroc(&gone)));
-    println!("frames on the target but not believed {:.2} %", 100.0 * false_lost);
-    println!("frames without the target but believed {:.2} %", 100.0 * missed);
+    println!(
+        "AUROC on/off target {}, visible/gone {}",
+        shown(auroc(&labeled)),
+        shown(auroc(&gone))
+    );
+    println!(
+        "frames on the target but not believed {:.2} %",
+        100.0 * false_lost
+    );
+    println!(
+        "frames without the target but believed {:.2} %",
+        100.0 * missed
+    );
     println!(
         "found again within {RETURN_FRAMES} frames of a return: into the view {}, from behind something {}",
         returns[0], returns[1]
     );
     println!("look-alikes that crossed the target and were followed in its place: {crossings}");
-    println!("flights locked on another object for {WRONG_FRAMES} frames: {wrong} of {}", flights.len());
+    println!(
+        "flights locked on another object for {WRONG_FRAMES} frames: {wrong} of {}",
+        flights.len()
+    );
     println!("{}", reliability(&labeled));
 }
 
@@ -271,22 +343,38 @@ mod tests {
         let short = [&there[..], &away[..3], &back].concat();
         assert_eq!(returns(&short), [Count::default(); 2]);
         let outside = away.map(|m| Moment { outside: true, ..m });
-        assert_eq!(returns(&[&there[..], &outside, &back].concat()), [count(1, 1), count(0, 0)]);
+        assert_eq!(
+            returns(&[&there[..], &outside, &back].concat()),
+            [count(1, 1), count(0, 0)]
+        );
     }
 
     #[test]
     fn counts_crossings() {
         let there = [moment(1.0, 0.8, true); 10];
-        let met = [Moment { crossed: true, ..there[0] }; 5];
+        let met = [Moment {
+            crossed: true,
+            ..there[0]
+        }; 5];
         let wrong = [moment(1.0, 0.0, true); 20];
         let kept = [&there[..], &met, &there, &met, &there, &there, &met].concat();
         assert_eq!(crossings(&kept), Count { times: 2, hits: 0 });
-        assert_eq!(crossings(&[&there[..], &met, &wrong].concat()), Count { times: 1, hits: 1 });
+        assert_eq!(
+            crossings(&[&there[..], &met, &wrong].concat()),
+            Count { times: 1, hits: 1 }
+        );
         let late = [&there[..], &met, &[there; 6].concat(), &wrong].concat();
         assert_eq!(crossings(&late), Count { times: 1, hits: 0 });
         assert_eq!(
             crossings(
-                &[&[moment(1.0, 0.0, false); 9][..], &met.map(|m| Moment { on: Some(false), ..m })].concat()
+                &[
+                    &[moment(1.0, 0.0, false); 9][..],
+                    &met.map(|m| Moment {
+                        on: Some(false),
+                        ..m
+                    })
+                ]
+                .concat()
             ),
             Count::default()
         );

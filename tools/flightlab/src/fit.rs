@@ -13,8 +13,11 @@ pub fn logistic<const N: usize>(samples: &[([f64; N], bool)], rising: &[usize]) 
     let mut used = [true; N];
     loop {
         let (bias, weights) = newton(samples, &used);
-        let worst =
-            rising.iter().copied().filter(|&i| i < N).min_by(|&a, &b| weights[a].total_cmp(&weights[b]));
+        let worst = rising
+            .iter()
+            .copied()
+            .filter(|&i| i < N)
+            .min_by(|&a, &b| weights[a].total_cmp(&weights[b]));
         match worst {
             Some(i) if weights[i] < 0.0 => used[i] = false,
             _ => return (bias, weights),
@@ -25,9 +28,14 @@ pub fn logistic<const N: usize>(samples: &[([f64; N], bool)], rising: &[usize]) 
 /// The fit with the inputs that are `used`; the others weigh 0.
 fn newton<const N: usize>(samples: &[([f64; N], bool)], used: &[bool; N]) -> (f64, [f64; N]) {
     let count = samples.len().max(1) as f64;
-    let mean: [f64; N] = std::array::from_fn(|i| samples.iter().map(|(x, _)| x[i]).sum::<f64>() / count);
+    let mean: [f64; N] =
+        std::array::from_fn(|i| samples.iter().map(|(x, _)| x[i]).sum::<f64>() / count);
     let deviation: [f64; N] = std::array::from_fn(|i| {
-        let variance = samples.iter().map(|(x, _)| (x[i] - mean[i]).powi(2)).sum::<f64>() / count;
+        let variance = samples
+            .iter()
+            .map(|(x, _)| (x[i] - mean[i]).powi(2))
+            .sum::<f64>()
+            / count;
         variance.sqrt().max(1e-9)
     });
     let mut weights = vec![0.0; N + 1];
@@ -37,7 +45,11 @@ fn newton<const N: usize>(samples: &[([f64; N], bool)], used: &[bool; N]) -> (f6
         for (x, y) in samples {
             let mut z = vec![1.0; N + 1];
             for i in 0..N {
-                z[i + 1] = if used[i] { (x[i] - mean[i]) / deviation[i] } else { 0.0 };
+                z[i + 1] = if used[i] {
+                    (x[i] - mean[i]) / deviation[i]
+                } else {
+                    0.0
+                };
             }
             let odds: f64 = weights.iter().zip(&z).map(|(w, z)| w * z).sum();
             let p = 1.0 / (1.0 + (-odds).exp());
@@ -57,7 +69,10 @@ fn newton<const N: usize>(samples: &[([f64; N], bool)], used: &[bool; N]) -> (f6
         let step = solve(hessian, gradient);
         let largest = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
         let brake = (2.0 / largest.max(1e-12)).min(1.0);
-        weights.iter_mut().zip(&step).for_each(|(w, s)| *w += brake * s);
+        weights
+            .iter_mut()
+            .zip(&step)
+            .for_each(|(w, s)| *w += brake * s);
         if largest < 1e-9 {
             break;
         }
@@ -71,13 +86,18 @@ fn newton<const N: usize>(samples: &[([f64; N], bool)], used: &[bool; N]) -> (f6
 fn solve(mut m: Vec<Vec<f64>>, mut r: Vec<f64>) -> Vec<f64> {
     let n = r.len();
     for i in 0..n {
-        let pivot = (i..n).max_by(|&a, &b| m[a][i].abs().total_cmp(&m[b][i].abs())).unwrap_or(i);
+        let pivot = (i..n)
+            .max_by(|&a, &b| m[a][i].abs().total_cmp(&m[b][i].abs()))
+            .unwrap_or(i);
         m.swap(i, pivot);
         r.swap(i, pivot);
         for j in i + 1..n {
             let factor = m[j][i] / m[i][i];
             let upper = m[i].clone();
-            m[j].iter_mut().zip(&upper).skip(i).for_each(|(lower, upper)| *lower -= factor * upper);
+            m[j].iter_mut()
+                .zip(&upper)
+                .skip(i)
+                .for_each(|(lower, upper)| *lower -= factor * upper);
             r[j] -= factor * r[i];
         }
     }
@@ -107,13 +127,18 @@ mod tests {
             }
         }
         let (bias, weights) = logistic(&samples, &[0]);
-        assert!((weights[0] - 1.5).abs() < 0.1 && (weights[1] + 0.8).abs() < 0.06, "{weights:?}");
+        assert!(
+            (weights[0] - 1.5).abs() < 0.1 && (weights[1] + 0.8).abs() < 0.06,
+            "{weights:?}"
+        );
         assert!((bias + 100.0 * weights[1] - 0.3).abs() < 0.1, "{bias}");
     }
 
     #[test]
     fn a_rising_input_never_speaks_against() {
-        let samples: Vec<_> = (0..40).map(|i| ([f64::from(i), f64::from(i * i)], i % 7 < 3)).collect();
+        let samples: Vec<_> = (0..40)
+            .map(|i| ([f64::from(i), f64::from(i * i)], i % 7 < 3))
+            .collect();
         let (free, (_, held)) = (logistic(&samples, &[]).1, logistic(&samples, &[0, 1]));
         assert!(free.iter().any(|w| *w < 0.0), "{free:?}");
         assert!(held.iter().all(|w| *w >= 0.0), "{held:?}");

@@ -36,7 +36,11 @@ pub fn is_on(found: &BBox, truth: &Truth) -> Option<bool> {
 
 /// How hard the flight of a seed is: two of three are hard.
 pub fn difficulty(seed: u64) -> Difficulty {
-    if seed.is_multiple_of(3) { Difficulty::Medium } else { Difficulty::Hard }
+    if seed.is_multiple_of(3) {
+        Difficulty::Medium
+    } else {
+        Difficulty::Hard
+    }
 }
 
 /// Shows every frame of a flight to `each`.
@@ -45,7 +49,10 @@ pub fn play(
     seed: u64,
     mut each: impl FnMut(usize, &Frame<'_>, &Truth) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let (width, height) = (args.width.clamp(64, 4096), args.width.clamp(64, 4096) * 9 / 16);
+    let (width, height) = (
+        args.width.clamp(64, 4096),
+        args.width.clamp(64, 4096) * 9 / 16,
+    );
     let frames = args.frames.clamp(2, 100_000);
     let flight = Flight::new(FlightConfig {
         width,
@@ -90,7 +97,9 @@ pub fn each_seed<T: Send>(
             });
         }
     });
-    let mut done = done.into_inner().map_err(|_| Failure::Nothing("a flight failed".into()))?;
+    let mut done = done
+        .into_inner()
+        .map_err(|_| Failure::Nothing("a flight failed".into()))?;
     done.sort_by_key(|(index, _)| *index);
     done.into_iter().map(|(_, result)| result).collect()
 }

@@ -164,9 +164,11 @@ fn load(path: Option<&PathBuf>) -> Result<Model, ModelError> {
 
 /// The presence coefficients of a text file, or the model's.
 fn presence(text: Option<&PathBuf>, model: &Model) -> Result<Presence, Failure> {
-    let Some(path) = text else { return Ok(Presence::of(model.header())?) };
-    let text =
-        std::fs::read_to_string(path).map_err(|error| Failure::File(path.clone(), error.to_string()))?;
+    let Some(path) = text else {
+        return Ok(Presence::of(model.header())?);
+    };
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::File(path.clone(), error.to_string()))?;
     Ok(Presence::parse(&text)?)
 }
 

@@ -7,7 +7,12 @@ pub fn auroc(samples: &[(f64, bool)]) -> Option<f64> {
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut rank_sum, mut at) = (0.0, 0);
     while at < sorted.len() {
-        let end = at + sorted[at..].iter().take_while(|s| s.0 == sorted[at].0).count().max(1);
+        let end = at
+            + sorted[at..]
+                .iter()
+                .take_while(|s| s.0 == sorted[at].0)
+                .count()
+                .max(1);
         let rank = (at + end + 1) as f64 / 2.0; // mean of the ranks at+1..=end
         rank_sum += rank * sorted[at..end].iter().filter(|s| s.1).count() as f64;
         at = end;
@@ -35,7 +40,10 @@ pub fn reliability(samples: &[(f64, bool)]) -> String {
     let (mut lines, mut error) = (String::from("presence    frames  mean   on target\n"), 0.0);
     for bin in 0..10 {
         let (low, high) = (f64::from(bin) / 10.0, f64::from(bin + 1) / 10.0);
-        let within: Vec<_> = samples.iter().filter(|(p, _)| *p >= low && (*p < high || bin == 9)).collect();
+        let within: Vec<_> = samples
+            .iter()
+            .filter(|(p, _)| *p >= low && (*p < high || bin == 9))
+            .collect();
         if within.is_empty() {
             continue;
         }
@@ -43,9 +51,15 @@ pub fn reliability(samples: &[(f64, bool)]) -> String {
         let mean = within.iter().map(|s| s.0).sum::<f64>() / count;
         let on = within.iter().filter(|s| s.1).count() as f64 / count;
         error += count * (mean - on).abs() / samples.len() as f64;
-        lines += &format!("{low:.1} - {high:.1} {:>8}  {mean:.3}  {on:.3}\n", within.len());
+        lines += &format!(
+            "{low:.1} - {high:.1} {:>8}  {mean:.3}  {on:.3}\n",
+            within.len()
+        );
     }
-    format!("{lines}expected calibration error {error:.4}, Brier score {:.4}", brier(samples))
+    format!(
+        "{lines}expected calibration error {error:.4}, Brier score {:.4}",
+        brier(samples)
+    )
 }
 
 #[cfg(test)]
@@ -57,7 +71,10 @@ mod tests {
         let sample = |p: f64, on: bool| (p, on);
         assert_eq!(auroc(&[sample(0.1, false), sample(0.9, true)]), Some(1.0));
         assert_eq!(auroc(&[sample(0.9, false), sample(0.1, true)]), Some(0.0));
-        assert_eq!(auroc(&[sample(0.5, false), sample(0.5, true), sample(0.5, true)]), Some(0.5));
+        assert_eq!(
+            auroc(&[sample(0.5, false), sample(0.5, true), sample(0.5, true)]),
+            Some(0.5)
+        );
         let mixed = [
             sample(0.1, false),
             sample(0.4, true),

@@ -19,16 +19,42 @@ const ENOUGH: usize = 20;
 
 /// Writes `flight-roc.svg` and `flight-presence.svg` into a folder, which is made if need be.
 pub fn write(folder: &Path, on_off: &Samples, visible_gone: &Samples) -> Result<(), Failure> {
-    let curve = |label: &str, samples: &Samples| Series { label: label.into(), points: roc(samples) };
+    let curve = |label: &str, samples: &Samples| Series {
+        label: label.into(),
+        points: roc(samples),
+    };
     let (x, y) = ("false positives [%]", "true positives [%]");
-    let axes = Axes { title: "Presence tells apart", x, y, x_min: 0.0, x_max: MOST_FALSE, y_max: 100.0 };
-    let series = [curve("visible and tracked / gone", visible_gone), curve("on / off the target", on_off)];
+    let axes = Axes {
+        title: "Presence tells apart",
+        x,
+        y,
+        x_min: 0.0,
+        x_max: MOST_FALSE,
+        y_max: 100.0,
+    };
+    let series = [
+        curve("visible and tracked / gone", visible_gone),
+        curve("on / off the target", on_off),
+    ];
     let roc = lines(&axes, &series, false);
     let (x, y) = ("presence [%]", "boxes on the target [%]");
-    let axes = Axes { title: "Presence and what was", x, y, x_min: 0.0, x_max: 100.0, y_max: 100.0 };
+    let axes = Axes {
+        title: "Presence and what was",
+        x,
+        y,
+        x_min: 0.0,
+        x_max: 100.0,
+        y_max: 100.0,
+    };
     let series = [
-        Series { label: "as it should be".into(), points: vec![(0.0, 0.0), (100.0, 100.0)] },
-        Series { label: "measured".into(), points: calibration(on_off) },
+        Series {
+            label: "as it should be".into(),
+            points: vec![(0.0, 0.0), (100.0, 100.0)],
+        },
+        Series {
+            label: "measured".into(),
+            points: calibration(on_off),
+        },
     ];
     let presence = lines(&axes, &series, false);
     let wrong = |error: std::io::Error| Failure::File(folder.into(), error.to_string());
@@ -63,10 +89,16 @@ fn calibration(samples: &Samples) -> Vec<(f64, f64)> {
     let mut bins = [(0usize, 0.0, 0.0); BINS];
     for (presence, on) in samples {
         let bin = &mut bins[((presence * BINS as f64) as usize).min(BINS - 1)];
-        *bin = (bin.0 + 1, bin.1 + presence, bin.2 + f64::from(u8::from(*on)));
+        *bin = (
+            bin.0 + 1,
+            bin.1 + presence,
+            bin.2 + f64::from(u8::from(*on)),
+        );
     }
     let enough = bins.into_iter().filter(|(count, ..)| *count >= ENOUGH);
-    enough.map(|(count, presence, on)| (100.0 * presence / count as f64, 100.0 * on / count as f64)).collect()
+    enough
+        .map(|(count, presence, on)| (100.0 * presence / count as f64, 100.0 * on / count as f64))
+        .collect()
 }
 
 #[cfg(test)]
@@ -76,14 +108,23 @@ mod tests {
     #[test]
     fn curves_of_known_samples() {
         let good: Vec<(f64, bool)> = (0..100).map(|i| (f64::from(i) / 100.0, i >= 50)).collect();
-        assert_eq!(roc(&good)[1..].iter().filter(|(x, _)| *x == 0.0).count(), 50);
-        assert_eq!(roc(&good).iter().map(|(_, y)| *y).fold(0.0, f64::max), 100.0);
+        assert_eq!(
+            roc(&good)[1..].iter().filter(|(x, _)| *x == 0.0).count(),
+            50
+        );
+        assert_eq!(
+            roc(&good).iter().map(|(_, y)| *y).fold(0.0, f64::max),
+            100.0
+        );
         let sure = [(0.96, true); 30];
         let unsure = [(0.52, false); 30];
         let points = calibration(&[sure, unsure].concat());
         let expected = [(52.0, 0.0), (96.0, 100.0)];
         let near = |(a, b): (&(f64, f64), (f64, f64))| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6;
-        assert!(points.len() == 2 && points.iter().zip(expected).all(near), "{points:?}");
+        assert!(
+            points.len() == 2 && points.iter().zip(expected).all(near),
+            "{points:?}"
+        );
         assert_eq!(calibration(&sure[..ENOUGH - 1]), []);
     }
 }

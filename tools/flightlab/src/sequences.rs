@@ -42,14 +42,29 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
             aucs[0],
             aucs[1]
         );
-        totals.iter_mut().zip(aucs).for_each(|(total, auc)| *total += auc / folders.len() as f64);
+        totals
+            .iter_mut()
+            .zip(aucs)
+            .for_each(|(total, auc)| *total += auc / folders.len() as f64);
     }
-    println!("\n{} sequences: AUC paper {:.4}, flight {:.4}", folders.len(), totals[0], totals[1]);
+    println!(
+        "\n{} sequences: AUC paper {:.4}, flight {:.4}",
+        folders.len(),
+        totals[0],
+        totals[1]
+    );
     for (name, recover) in [("paper", false), ("flight", true)] {
-        let samples: Vec<_> = labeled.iter().filter(|l| l.0 == recover).map(|l| (l.1, l.2)).collect();
+        let samples: Vec<_> = labeled
+            .iter()
+            .filter(|l| l.0 == recover)
+            .map(|l| (l.1, l.2))
+            .collect();
         let off = samples.iter().filter(|s| !s.1).count();
         let area = auroc(&samples).map_or("none".into(), |a| format!("{a:.4}"));
-        println!("{name}: AUROC on/off target {area} ({} frames, {off} of them off)", samples.len());
+        println!(
+            "{name}: AUROC on/off target {area} ({} frames, {off} of them off)",
+            samples.len()
+        );
     }
     let share = 100.0 * lost.0 as f64 / lost.1.max(1) as f64;
     println!("flight: frames on the target but not believed {share:.2} %");
@@ -58,8 +73,11 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
 
 /// Success (AUC) over 21 thresholds; frames without an annotation are left out.
 fn success(tracks: &[(BBox, f64, bool)], truth: &[Option<BBox>]) -> f64 {
-    let ious: Vec<f32> =
-        tracks.iter().zip(truth).filter_map(|((bbox, ..), truth)| truth.map(|t| bbox.iou(&t))).collect();
+    let ious: Vec<f32> = tracks
+        .iter()
+        .zip(truth)
+        .filter_map(|((bbox, ..), truth)| truth.map(|t| bbox.iou(&t)))
+        .collect();
     let above = |t: usize| ious.iter().filter(|&&iou| iou > t as f32 / 20.0).count() as f64;
     (0..21).map(above).sum::<f64>() / 21.0 / ious.len().max(1) as f64
 }
@@ -74,10 +92,18 @@ fn track(
     recover: bool,
     searches: u32,
 ) -> Result<Tracks, Failure> {
-    let conduct = if recover { Conduct::Recover } else { Conduct::Tell };
-    let options = FlightOptions { conduct, ..FlightOptions::new(model) };
+    let conduct = if recover {
+        Conduct::Recover
+    } else {
+        Conduct::Tell
+    };
+    let options = FlightOptions {
+        conduct,
+        ..FlightOptions::new(model)
+    };
     let mut tracker = FlightTracker::with_presence(model.clone(), options, *presence);
-    let wrong = |error: &dyn std::fmt::Display| Failure::File(folder.to_path_buf(), error.to_string());
+    let wrong =
+        |error: &dyn std::fmt::Display| Failure::File(folder.to_path_buf(), error.to_string());
     let source = Source::open(&Input::new(folder.join("img"))).map_err(|error| wrong(&error))?;
     let mut tracks = Vec::new();
     for image in source.take(truth.len()) {
@@ -101,15 +127,25 @@ fn track(
 /// Lines of x, y, w, h; NaN and empty boxes are absences.
 fn annotation(folder: &Path) -> Result<Vec<Option<BBox>>, Failure> {
     let path = folder.join("groundtruth_rect.txt");
-    let text = std::fs::read_to_string(&path).map_err(|e| Failure::File(path.clone(), e.to_string()))?;
+    let text =
+        std::fs::read_to_string(&path).map_err(|e| Failure::File(path.clone(), e.to_string()))?;
     let line = |line: &str| {
-        let numbers: Vec<f32> = line.split([',', '\t', ' ']).filter_map(|n| n.trim().parse().ok()).collect();
+        let numbers: Vec<f32> = line
+            .split([',', '\t', ' '])
+            .filter_map(|n| n.trim().parse().ok())
+            .collect();
         match numbers[..] {
-            [x, y, w, h, ..] if w > 0.0 && h > 0.0 => Some(BBox::new(x, y, w, h)).filter(BBox::is_finite),
+            [x, y, w, h, ..] if w > 0.0 && h > 0.0 => {
+                Some(BBox::new(x, y, w, h)).filter(BBox::is_finite)
+            }
             _ => None,
         }
     };
-    Ok(text.lines().filter(|l| !l.trim().is_empty()).map(line).collect())
+    Ok(text
+        .lines()
+        .filter(|l| !l.trim().is_empty())
+        .map(line)
+        .collect())
 }
 
 /// Folders with an annotation, one or two levels below.
@@ -125,7 +161,10 @@ fn find(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let with = |f: &PathBuf| f.join("groundtruth_rect.txt").is_file();
     let found: Vec<_> = one.into_iter().chain(two).filter(with).collect();
     if found.is_empty() {
-        return Err(Failure::Nothing(format!("{}: no sequence with groundtruth_rect.txt", folder.display())));
+        return Err(Failure::Nothing(format!(
+            "{}: no sequence with groundtruth_rect.txt",
+            folder.display()
+        )));
     }
     Ok(found)
 }

@@ -23,7 +23,9 @@ pub struct Annotation {
 impl Annotation {
     /// Whether the target is in frame `i`; true where nothing is known.
     pub fn is_present(&self, i: usize) -> bool {
-        self.present.as_ref().is_none_or(|present| present.get(i).copied().unwrap_or(true))
+        self.present
+            .as_ref()
+            .is_none_or(|present| present.get(i).copied().unwrap_or(true))
     }
 }
 
@@ -35,7 +37,9 @@ pub fn read_folder(folder: &Path) -> Result<Vec<Annotation>, Error> {
     let mut files = BTreeMap::new();
     for path in entries(folder)? {
         let (name, path) = if path.is_dir() {
-            let Some(file) = annotation_in(&path)? else { continue };
+            let Some(file) = annotation_in(&path)? else {
+                continue;
+            };
             (file_name(&path), file)
         } else if let Some(name) = sequence_name(&path) {
             (name, path)
@@ -44,7 +48,11 @@ pub fn read_folder(folder: &Path) -> Result<Vec<Annotation>, Error> {
         };
         if let Some(other) = files.insert(name.clone(), path) {
             let expected = format!("one annotation of {name}");
-            return Err(Error::content(folder, expected, format!("two, one of them {}", other.display())));
+            return Err(Error::content(
+                folder,
+                expected,
+                format!("two, one of them {}", other.display()),
+            ));
         }
     }
     if files.is_empty() {
@@ -52,7 +60,12 @@ pub fn read_folder(folder: &Path) -> Result<Vec<Annotation>, Error> {
     }
     let read = |(name, path): (String, PathBuf)| {
         let (boxes, scale) = (text::read_boxes(&path)?, scale_beside(&path)?);
-        Ok(Annotation { name, boxes, present: None, scale })
+        Ok(Annotation {
+            name,
+            boxes,
+            present: None,
+            scale,
+        })
     };
     files.into_iter().map(read).collect()
 }
@@ -66,10 +79,16 @@ pub fn scale_beside(annotation: &Path) -> Result<f64, Error> {
     if !path.is_file() {
         return Ok(1.0);
     }
-    let failure = |found: String| Error::content(&path, "JSON with a scale above 0, or none", found);
-    let meta: Meta = serde_json::from_str(&text::read(&path)?).map_err(|error| failure(error.to_string()))?;
+    let failure =
+        |found: String| Error::content(&path, "JSON with a scale above 0, or none", found);
+    let meta: Meta =
+        serde_json::from_str(&text::read(&path)?).map_err(|error| failure(error.to_string()))?;
     let usable = meta.scale > 0.0 && meta.scale.is_finite();
-    if usable { Ok(meta.scale) } else { Err(failure(meta.scale.to_string())) }
+    if usable {
+        Ok(meta.scale)
+    } else {
+        Err(failure(meta.scale.to_string()))
+    }
 }
 
 #[derive(serde::Deserialize)]
@@ -85,7 +104,9 @@ fn one() -> f64 {
 /// The sequence that a file of boxes is named after; `None` if it is none.
 pub fn sequence_name(path: &Path) -> Option<String> {
     let stem = file_name(path).strip_suffix(".txt")?.to_owned();
-    let other = ["_time", "_att", "_attr", "_absent"].iter().any(|suffix| stem.ends_with(suffix));
+    let other = ["_time", "_att", "_attr", "_absent"]
+        .iter()
+        .any(|suffix| stem.ends_with(suffix));
     if other || stem.starts_with('.') || stem.is_empty() {
         return None;
     }
@@ -112,7 +133,10 @@ pub fn entries(folder: &Path) -> Result<Vec<PathBuf>, Error> {
 
 /// The last part of a path as text.
 pub fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
 }
 
 #[cfg(test)]
@@ -135,17 +159,30 @@ mod tests {
         assert_eq!(names, [("Gull2", 1), ("S0101", 2), ("bike1", 1)]);
         assert_eq!((read[0].scale, read[1].scale), (0.75, 1.0));
         folder.write("Gull2/meta.json", r#"{"scale": 0}"#);
-        assert!(read_folder(folder.path()).unwrap_err().to_string().contains("a scale above 0"));
+        assert!(
+            read_folder(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains("a scale above 0")
+        );
         folder.write("Gull2/meta.json", "{}");
         folder.write("bike1_gt.txt", "1,2,3,4\n");
-        assert!(read_folder(folder.path()).unwrap_err().to_string().contains("one annotation of bike1"));
+        assert!(
+            read_folder(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains("one annotation of bike1")
+        );
     }
 
     #[test]
     fn no_annotation() {
         let folder = Folder::new("annotations");
         let error = read_folder(folder.path()).unwrap_err().to_string();
-        assert!(error.ends_with("expected annotations <sequence>.txt, found none"), "{error}");
+        assert!(
+            error.ends_with("expected annotations <sequence>.txt, found none"),
+            "{error}"
+        );
         assert!(read_folder(&folder.path().join("none")).is_err());
     }
 }

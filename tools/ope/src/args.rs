@@ -374,11 +374,18 @@ impl Hardness {
 
 fn size(text: &str) -> Result<(usize, usize), String> {
     let side = |text: &str| text.parse().ok().filter(|side| (32..=4096).contains(side));
-    let sides = text.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
+    let sides = text
+        .split_once('x')
+        .and_then(|(w, h)| Some((side(w)?, side(h)?)));
     sides.ok_or_else(|| "expected WIDTHxHEIGHT, each from 32 to 4096 pixels".into())
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 1e6);
-    seconds.map(Duration::from_secs_f64).ok_or_else(|| "expected seconds above 0".into())
+    let seconds = text
+        .parse()
+        .ok()
+        .filter(|seconds| *seconds > 0.0 && *seconds <= 1e6);
+    seconds
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| "expected seconds above 0".into())
 }

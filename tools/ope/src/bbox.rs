@@ -30,7 +30,11 @@ impl BBox {
 
     /// Whether it is a box that can be tracked: finite numbers, width and height above 0.
     pub fn is_usable(&self) -> bool {
-        [self.x, self.y, self.w, self.h].iter().all(|v| v.is_finite()) && self.w > 0.0 && self.h > 0.0
+        [self.x, self.y, self.w, self.h]
+            .iter()
+            .all(|v| v.is_finite())
+            && self.w > 0.0
+            && self.h > 0.0
     }
 
     /// The center, the width counting pixels inclusively: x + (w - 1) / 2.

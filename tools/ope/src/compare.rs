@@ -36,7 +36,10 @@ pub struct Pair {
 impl Pair {
     /// Those of some curves.
     pub fn of(curves: &Curves) -> Pair {
-        Pair { precision: 100.0 * curves.precision(), auc: 100.0 * curves.auc() }
+        Pair {
+            precision: 100.0 * curves.precision(),
+            auc: 100.0 * curves.auc(),
+        }
     }
 }
 
@@ -60,12 +63,16 @@ impl Comparison {
             trackers.push(Evaluation::read(annotations, results, missing, notes)?);
         }
         for i in 0..trackers.len() {
-            let same = trackers[..i].iter().filter(|t| t.tracker == trackers[i].tracker).count();
+            let same = trackers[..i]
+                .iter()
+                .filter(|t| t.tracker == trackers[i].tracker)
+                .count();
             if same > 0 {
                 trackers[i].tracker = format!("{} ({})", trackers[i].tracker, same + 1);
             }
         }
-        let has = |t: &Evaluation, name: &str| t.sequences.iter().any(|s| s.annotation.name == name);
+        let has =
+            |t: &Evaluation, name: &str| t.sequences.iter().any(|s| s.annotation.name == name);
         let common: HashSet<&str> = annotations
             .iter()
             .map(|a| a.name.as_str())
@@ -73,7 +80,9 @@ impl Comparison {
             .collect();
         for tracker in &mut trackers {
             let before = tracker.sequences.len();
-            tracker.sequences.retain(|s| common.contains(s.annotation.name.as_str()));
+            tracker
+                .sequences
+                .retain(|s| common.contains(s.annotation.name.as_str()));
             if tracker.sequences.len() < before {
                 let (name, left) = (&tracker.tracker, tracker.sequences.len());
                 notes.add(format!(
@@ -81,14 +90,26 @@ impl Comparison {
                 ));
             }
         }
-        let scores: Result<_, _> = trackers.iter().map(|tracker| tracker.score(convention, notes)).collect();
-        Ok(Comparison { convention, scores: scores?, trackers, attributes })
+        let scores: Result<_, _> = trackers
+            .iter()
+            .map(|tracker| tracker.score(convention, notes))
+            .collect();
+        Ok(Comparison {
+            convention,
+            scores: scores?,
+            trackers,
+            attributes,
+        })
     }
 
     /// The places of the trackers by falling precision.
     pub fn ranking(&self) -> Vec<usize> {
         let mut places: Vec<usize> = (0..self.scores.len()).collect();
-        places.sort_by(|a, b| self.scores[*b].precision.total_cmp(&self.scores[*a].precision));
+        places.sort_by(|a, b| {
+            self.scores[*b]
+                .precision
+                .total_cmp(&self.scores[*a].precision)
+        });
         places
     }
 
@@ -97,13 +118,23 @@ impl Comparison {
         let mut rows = Vec::new();
         for (attribute, sequences) in &self.attributes {
             let on = |score: &Score| {
-                let having = score.per_sequence.iter().filter(|(name, _)| sequences.contains(name));
-                Some((having.clone().count(), Pair::of(&Curves::mean(having.map(|(_, curves)| curves))?)))
+                let having = score
+                    .per_sequence
+                    .iter()
+                    .filter(|(name, _)| sequences.contains(name));
+                Some((
+                    having.clone().count(),
+                    Pair::of(&Curves::mean(having.map(|(_, curves)| curves))?),
+                ))
             };
             let found: Option<Vec<_>> = self.scores.iter().map(on).collect();
             if let Some(found) = found {
                 let count = found.first().map_or(0, |(count, _)| *count);
-                rows.push((attribute.clone(), count, found.into_iter().map(|(_, pair)| pair).collect()));
+                rows.push((
+                    attribute.clone(),
+                    count,
+                    found.into_iter().map(|(_, pair)| pair).collect(),
+                ));
             }
         }
         rows
@@ -111,10 +142,18 @@ impl Comparison {
 
     /// Each sequence with each tracker's scores on it.
     pub fn per_sequence(&self) -> Vec<(String, Vec<Pair>)> {
-        let Some(first) = self.scores.first() else { return Vec::new() };
+        let Some(first) = self.scores.first() else {
+            return Vec::new();
+        };
         let row = |(i, (name, _)): (usize, &(String, Curves))| {
-            let pairs = self.scores.iter().filter_map(|score| score.per_sequence.get(i));
-            (name.clone(), pairs.map(|(_, curves)| Pair::of(curves)).collect())
+            let pairs = self
+                .scores
+                .iter()
+                .filter_map(|score| score.per_sequence.get(i));
+            (
+                name.clone(),
+                pairs.map(|(_, curves)| Pair::of(curves)).collect(),
+            )
         };
         first.per_sequence.iter().enumerate().map(row).collect()
     }
@@ -130,7 +169,12 @@ impl Comparison {
             y_max: 1.0,
         };
         let series = self.series(|score| {
-            let points = score.curves.precision.iter().enumerate().map(|(i, v)| (i as f64, *v));
+            let points = score
+                .curves
+                .precision
+                .iter()
+                .enumerate()
+                .map(|(i, v)| (i as f64, *v));
             (score.precision, points.collect())
         });
         plot::lines(&axes, &series, false)
@@ -147,7 +191,8 @@ impl Comparison {
             y_max: 1.0,
         };
         let series = self.series(|score| {
-            let points = (0..SUCCESS_BINS).map(|i| (Curves::overlap_threshold(i), score.curves.success[i]));
+            let points =
+                (0..SUCCESS_BINS).map(|i| (Curves::overlap_threshold(i), score.curves.success[i]));
             (score.auc, points.collect())
         });
         plot::lines(&axes, &series, true)
@@ -156,19 +201,35 @@ impl Comparison {
     /// Precision over speed (frames / total time), on a logarithmic axis where speeds are far apart; `None` if no tracker
     /// has times.
     pub fn speed_plot(&self) -> Option<String> {
-        let rates = self.trackers.iter().map(|tracker| tracker.speed.map(|speed| speed.frames_per_time));
+        let rates = self
+            .trackers
+            .iter()
+            .map(|tracker| tracker.speed.map(|speed| speed.frames_per_time));
         let fastest = rates.clone().flatten().fold(0.0, f64::max);
         let slowest = rates.clone().flatten().fold(f64::INFINITY, f64::min);
         let point = |((tracker, score), rate): ((&Evaluation, &Score), Option<f64>)| Series {
             label: tracker.tracker.clone(),
-            points: rate.map(|rate| (rate, score.precision)).into_iter().collect(),
+            points: rate
+                .map(|rate| (rate, score.precision))
+                .into_iter()
+                .collect(),
         };
-        let series: Vec<Series> = self.trackers.iter().zip(&self.scores).zip(rates).map(point).collect();
+        let series: Vec<Series> = self
+            .trackers
+            .iter()
+            .zip(&self.scores)
+            .zip(rates)
+            .map(point)
+            .collect();
         let axes = Axes {
             title: "Precision and speed",
             x: "frames per second (frames / total time)",
             y: "precision at 20 px [%]",
-            x_min: if fastest > FAR_APART * slowest { nice(slowest / 5.0) } else { 0.0 },
+            x_min: if fastest > FAR_APART * slowest {
+                nice(slowest / 5.0)
+            } else {
+                0.0
+            },
             x_max: nice(fastest),
             y_max: 100.0,
         };
@@ -178,7 +239,10 @@ impl Comparison {
     /// AUC per attribute; `None` where there are fewer than three attributes.
     pub fn attribute_plot(&self) -> Option<String> {
         let rows = self.per_attribute();
-        let spokes: Vec<String> = rows.iter().map(|(name, count, _)| format!("{name} ({count})")).collect();
+        let spokes: Vec<String> = rows
+            .iter()
+            .map(|(name, count, _)| format!("{name} ({count})"))
+            .collect();
         let series = |(i, tracker): (usize, &Evaluation)| Series {
             label: tracker.tracker.clone(),
             points: rows.iter().map(|(.., pairs)| (0.0, pairs[i].auc)).collect(),
@@ -190,7 +254,10 @@ impl Comparison {
     fn series(&self, curve: impl Fn(&Score) -> (f64, Vec<(f64, f64)>)) -> Vec<Series> {
         let one = |(tracker, score): (&Evaluation, &Score)| {
             let (value, points) = curve(score);
-            Series { label: format!("{} [{value:.1}]", tracker.tracker), points }
+            Series {
+                label: format!("{} [{value:.1}]", tracker.tracker),
+                points,
+            }
         };
         self.trackers.iter().zip(&self.scores).map(one).collect()
     }
@@ -202,7 +269,11 @@ const FAR_APART: f64 = 8.0;
 /// The next round number.
 fn nice(value: f64) -> f64 {
     let power = 10f64.powf(value.max(1e-9).log10().floor());
-    [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * power).find(|v| *v >= value).unwrap_or(value)
+    [1.0, 2.0, 5.0, 10.0]
+        .iter()
+        .map(|m| m * power)
+        .find(|v| *v >= value)
+        .unwrap_or(value)
 }
 
 #[cfg(test)]
@@ -223,26 +294,46 @@ mod tests {
         folder.write("bad/x/times/b_time.txt", "0.01\n".repeat(4));
         let truth = annotations::read_folder(&folder.path().join("truth")).unwrap();
         let results = ["bad/x", "good/x"].map(|at| Results::open(&folder.path().join(at)).unwrap());
-        let attributes: Attributes =
-            [("fast", "b"), ("slow", "a"), ("dark", "c")].map(|(k, v)| (k.into(), vec![v.into()])).into();
+        let attributes: Attributes = [("fast", "b"), ("slow", "a"), ("dark", "c")]
+            .map(|(k, v)| (k.into(), vec![v.into()]))
+            .into();
         let read = |missing, notes: &mut Notes| {
-            Comparison::read(&truth, &results, Convention::Got10k, missing, attributes.clone(), notes)
+            Comparison::read(
+                &truth,
+                &results,
+                Convention::Got10k,
+                missing,
+                attributes.clone(),
+                notes,
+            )
         };
         assert!(read(Missing::Refuse, &mut Notes::default()).is_err());
         let mut notes = Notes::default();
         let compared = read(Missing::Skip, &mut notes).unwrap();
-        assert!(notes.to_string().contains("x (2): compared on 2 of its 3 sequences"), "{notes}");
+        assert!(
+            notes
+                .to_string()
+                .contains("x (2): compared on 2 of its 3 sequences"),
+            "{notes}"
+        );
         assert_eq!(compared.ranking(), [1, 0]);
         let precisions = |pairs: &[Pair]| pairs.iter().map(|p| p.precision).collect::<Vec<_>>();
         let rows = compared.per_sequence();
-        assert_eq!((&rows[1].0[..], precisions(&rows[1].1)), ("b", vec![25.0, 100.0]));
+        assert_eq!(
+            (&rows[1].0[..], precisions(&rows[1].1)),
+            ("b", vec![25.0, 100.0])
+        );
         let attributes = compared.per_attribute();
         assert_eq!((&attributes[0].0[..], attributes[0].1), ("fast", 1));
-        assert_eq!((attributes.len(), precisions(&attributes[0].2)), (2, vec![25.0, 100.0]));
+        assert_eq!(
+            (attributes.len(), precisions(&attributes[0].2)),
+            (2, vec![25.0, 100.0])
+        );
         assert!(compared.attribute_plot().is_none());
         assert!(compared.precision_plot().contains("x (2) [100.0]"));
         assert!(
-            compared.success_plot().contains("x [") && compared.speed_plot().unwrap().contains("<circle")
+            compared.success_plot().contains("x [")
+                && compared.speed_plot().unwrap().contains("<circle")
         );
     }
 
@@ -257,14 +348,29 @@ mod tests {
         truth.reverse();
         let results = [Results::open(&folder.path().join("x")).unwrap()];
         let (none, mut notes) = (Attributes::default(), Notes::default());
-        let compared =
-            Comparison::read(&truth, &results, Convention::Got10k, Missing::Refuse, none, &mut notes)
-                .unwrap();
-        assert_eq!((compared.trackers[0].sequences.len(), notes.to_string().as_str()), (4, ""));
+        let compared = Comparison::read(
+            &truth,
+            &results,
+            Convention::Got10k,
+            Missing::Refuse,
+            none,
+            &mut notes,
+        )
+        .unwrap();
+        assert_eq!(
+            (
+                compared.trackers[0].sequences.len(),
+                notes.to_string().as_str()
+            ),
+            (4, "")
+        );
     }
 
     #[test]
     fn round_ends_of_axes() {
-        assert_eq!([0.4, 92.0, 100.0, 370.2].map(nice), [0.5, 100.0, 100.0, 500.0]);
+        assert_eq!(
+            [0.4, 92.0, 100.0, 370.2].map(nice),
+            [0.5, 100.0, 100.0, 500.0]
+        );
     }
 }

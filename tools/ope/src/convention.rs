@@ -43,8 +43,12 @@ pub struct Judgment {
 
 impl Convention {
     /// All of them, the default first.
-    pub const ALL: [Convention; 4] =
-        [Convention::Got10k, Convention::Pysot, Convention::Otb, Convention::Drop];
+    pub const ALL: [Convention; 4] = [
+        Convention::Got10k,
+        Convention::Pysot,
+        Convention::Otb,
+        Convention::Drop,
+    ];
 
     /// Its name in options, tables and JSON.
     pub fn name(self) -> &'static str {
@@ -72,7 +76,8 @@ impl Convention {
         let result = self.repaired(annotation, result);
         let pairs = annotation.boxes.iter().zip(result.iter());
         let judge = |(i, (annotated, found)): (usize, (&BBox, &BBox))| {
-            self.counts(annotation, i).then(|| self.judge_frame(annotated, found, annotation.scale))
+            self.counts(annotation, i)
+                .then(|| self.judge_frame(annotated, found, annotation.scale))
         };
         pairs.enumerate().map(judge).collect()
     }
@@ -115,7 +120,8 @@ impl Convention {
             Convention::Pysot => (annotated.w + 1e-16, annotated.h + 1e-16),
             Convention::Otb => (annotated.w, annotated.h),
         };
-        let all_positive = annotated.x > 0.0 && annotated.y > 0.0 && annotated.w > 0.0 && annotated.h > 0.0;
+        let all_positive =
+            annotated.x > 0.0 && annotated.y > 0.0 && annotated.w > 0.0 && annotated.h > 0.0;
         let (has_overlap, has_error) = match self {
             Convention::Got10k | Convention::Drop => (true, true),
             Convention::Pysot => {
@@ -128,7 +134,10 @@ impl Convention {
         Judgment {
             overlap: or_failure(has_overlap, annotated.iou(found)),
             error: or_failure(has_error, dx.hypot(dy) / scale),
-            norm_error: or_failure(self.has_norm_error(annotated, has_error), (dx / w).hypot(dy / h)),
+            norm_error: or_failure(
+                self.has_norm_error(annotated, has_error),
+                (dx / w).hypot(dy / h),
+            ),
         }
     }
 
@@ -152,13 +161,21 @@ mod tests {
     const FAR: BBox = BBox::new(200.0, 10.0, 20.0, 20.0);
 
     fn annotation(boxes: &[BBox]) -> Annotation {
-        Annotation { name: "a".into(), boxes: boxes.to_vec(), present: None, scale: 1.0 }
+        Annotation {
+            name: "a".into(),
+            boxes: boxes.to_vec(),
+            present: None,
+            scale: 1.0,
+        }
     }
 
     /// Precision, and success at overlap above 0, under each rule in the order of `ALL`.
     fn rates(annotated: &[BBox], found: &[BBox]) -> [Option<(f64, f64)>; 4] {
         let annotation = annotation(annotated);
-        Convention::ALL.map(|rule| rule.curves(&annotation, found).map(|c| (c.precision(), c.success[0])))
+        Convention::ALL.map(|rule| {
+            rule.curves(&annotation, found)
+                .map(|c| (c.precision(), c.success[0]))
+        })
     }
 
     #[test]
@@ -175,7 +192,15 @@ mod tests {
     #[test]
     fn first_row_is_given_except_in_pysot() {
         let all = rates(&[GOOD, GOOD], &[FAR, GOOD]);
-        assert_eq!(all, [Some((1.0, 1.0)), Some((0.5, 0.5)), Some((1.0, 1.0)), Some((1.0, 1.0))]);
+        assert_eq!(
+            all,
+            [
+                Some((1.0, 1.0)),
+                Some((0.5, 0.5)),
+                Some((1.0, 1.0)),
+                Some((1.0, 1.0))
+            ]
+        );
     }
 
     #[test]
@@ -184,15 +209,31 @@ mod tests {
         let third = 2.0 / 3.0;
         let expected = [(third, third), (0.75, 0.5), (0.75, 0.5), (third, third)].map(Some);
         let close = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-12;
-        assert!(all.iter().zip(expected).all(|(a, b)| close(a.unwrap(), b.unwrap())), "{all:?}");
+        assert!(
+            all.iter()
+                .zip(expected)
+                .all(|(a, b)| close(a.unwrap(), b.unwrap())),
+            "{all:?}"
+        );
         let all = rates(&[NAN, NAN], &[GOOD, GOOD]);
         assert_eq!(all, [None, Some((1.0, 0.0)), Some((1.0, 0.0)), None]);
     }
 
     #[test]
     fn annotations_without_area() {
-        let all = rates(&[GOOD, BBox::default(), GOOD, GOOD], &[GOOD, FAR, GOOD, GOOD]);
-        assert_eq!(all, [Some((0.75, 0.75)), Some((1.0, 0.75)), Some((1.0, 0.75)), Some((1.0, 1.0))]);
+        let all = rates(
+            &[GOOD, BBox::default(), GOOD, GOOD],
+            &[GOOD, FAR, GOOD, GOOD],
+        );
+        assert_eq!(
+            all,
+            [
+                Some((0.75, 0.75)),
+                Some((1.0, 0.75)),
+                Some((1.0, 0.75)),
+                Some((1.0, 1.0))
+            ]
+        );
     }
 
     #[test]
@@ -200,19 +241,42 @@ mod tests {
         // The center is above 0, x is not: pysot measures the error, OTB does not; neither counts an overlap.
         let edge = BBox::new(0.0, 10.0, 20.0, 20.0);
         let all = rates(&[GOOD, edge], &[GOOD, edge]);
-        assert_eq!(all, [Some((1.0, 1.0)), Some((1.0, 0.5)), Some((1.0, 0.5)), Some((1.0, 1.0))]);
+        assert_eq!(
+            all,
+            [
+                Some((1.0, 1.0)),
+                Some((1.0, 0.5)),
+                Some((1.0, 0.5)),
+                Some((1.0, 1.0))
+            ]
+        );
         let all = rates(&[GOOD, edge], &[GOOD, FAR]);
-        assert_eq!(all, [Some((0.5, 0.5)), Some((0.5, 0.5)), Some((1.0, 0.5)), Some((0.5, 0.5))]);
+        assert_eq!(
+            all,
+            [
+                Some((0.5, 0.5)),
+                Some((0.5, 0.5)),
+                Some((1.0, 0.5)),
+                Some((0.5, 0.5))
+            ]
+        );
     }
 
     #[test]
     fn results_that_are_no_box() {
-        for unusable in [NAN, BBox::new(0.0, 0.0, 0.0, 0.0), BBox::new(10.0, 10.0, -20.0, 20.0)] {
+        for unusable in [
+            NAN,
+            BBox::new(0.0, 0.0, 0.0, 0.0),
+            BBox::new(10.0, 10.0, -20.0, 20.0),
+        ] {
             let all = rates(&[GOOD, GOOD, GOOD], &[GOOD, GOOD, unusable]);
             // Only OTB repeats the frame before.
             assert_eq!(all[2], Some((1.0, 1.0)));
             for i in [0, 1, 3] {
-                assert!((all[i].unwrap().1 - 2.0 / 3.0).abs() < 1e-12, "{i} {unusable:?}");
+                assert!(
+                    (all[i].unwrap().1 - 2.0 / 3.0).abs() < 1e-12,
+                    "{i} {unusable:?}"
+                );
             }
         }
         // Where the annotation is NaN too, OTB leaves the result, and the next one repeats that.
@@ -230,7 +294,10 @@ mod tests {
 
     #[test]
     fn the_shorter_one_counts() {
-        assert_eq!(rates(&[GOOD, GOOD], &[GOOD, GOOD, FAR, FAR]), [Some((1.0, 1.0)); 4]);
+        assert_eq!(
+            rates(&[GOOD, GOOD], &[GOOD, GOOD, FAR, FAR]),
+            [Some((1.0, 1.0)); 4]
+        );
         assert_eq!(rates(&[GOOD, GOOD], &[GOOD]), [Some((1.0, 1.0)); 4]);
         assert_eq!(rates(&[], &[GOOD]), [None; 4]);
         assert_eq!(rates(&[GOOD], &[]), [None; 4]);
@@ -240,7 +307,8 @@ mod tests {
     fn errors_are_in_pixels_of_the_video() {
         let mut annotated = annotation(&[GOOD, GOOD]);
         annotated.scale = 0.5;
-        let judged = Convention::Got10k.judge(&annotated, &[GOOD, BBox::new(16.0, 18.0, 20.0, 20.0)]);
+        let judged =
+            Convention::Got10k.judge(&annotated, &[GOOD, BBox::new(16.0, 18.0, 20.0, 20.0)]);
         assert_eq!(judged[1].unwrap().error, 20.0);
     }
 

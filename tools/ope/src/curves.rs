@@ -58,9 +58,18 @@ impl Curves {
         let mut sum = Curves::ZERO;
         let mut count = 0;
         for curves in sequences {
-            sum.precision.iter_mut().zip(curves.precision).for_each(|(s, v)| *s += v);
-            sum.norm_precision.iter_mut().zip(curves.norm_precision).for_each(|(s, v)| *s += v);
-            sum.success.iter_mut().zip(curves.success).for_each(|(s, v)| *s += v);
+            sum.precision
+                .iter_mut()
+                .zip(curves.precision)
+                .for_each(|(s, v)| *s += v);
+            sum.norm_precision
+                .iter_mut()
+                .zip(curves.norm_precision)
+                .for_each(|(s, v)| *s += v);
+            sum.success
+                .iter_mut()
+                .zip(curves.success)
+                .for_each(|(s, v)| *s += v);
             count += 1;
         }
         sum.scale(1.0 / f64::from(count.max(1)));
@@ -68,7 +77,11 @@ impl Curves {
     }
 
     fn scale(&mut self, factor: f64) {
-        let all = self.precision.iter_mut().chain(&mut self.norm_precision).chain(&mut self.success);
+        let all = self
+            .precision
+            .iter_mut()
+            .chain(&mut self.norm_precision)
+            .chain(&mut self.success);
         all.for_each(|v| *v *= factor);
     }
 
@@ -104,12 +117,19 @@ mod tests {
 
     #[test]
     fn thresholds() {
-        let at = |error: f64, overlap: f64| Judgment { overlap, error, norm_error: error / 100.0 };
+        let at = |error: f64, overlap: f64| Judgment {
+            overlap,
+            error,
+            norm_error: error / 100.0,
+        };
         let curves = Curves::of([at(20.0, 0.5), at(20.001, 0.501)], 2).unwrap();
         assert_eq!((curves.precision(), curves.precision[21]), (0.5, 1.0)); // at most
         assert_eq!((curves.success_rate(), curves.success[9]), (0.5, 1.0)); // above
         assert_eq!(curves.norm_precision(Convention::Pysot), 0.5);
-        assert_eq!(curves.norm_precision(Convention::Got10k), (30.0 + 0.5) / 51.0);
+        assert_eq!(
+            curves.norm_precision(Convention::Got10k),
+            (30.0 + 0.5) / 51.0
+        );
         let perfect = Curves::of([at(0.0, 1.0)], 1).unwrap();
         assert!((perfect.auc() - 20.0 / 21.0).abs() < 1e-15);
         assert_eq!(Curves::of([], 0), None);
@@ -120,8 +140,19 @@ mod tests {
 
     #[test]
     fn not_a_number_is_no_hit() {
-        let nan = Judgment { overlap: f64::NAN, error: f64::NAN, norm_error: f64::NAN };
+        let nan = Judgment {
+            overlap: f64::NAN,
+            error: f64::NAN,
+            norm_error: f64::NAN,
+        };
         let curves = Curves::of([nan], 1).unwrap();
-        assert_eq!((curves.precision[50], curves.success[0], curves.norm_precision[50]), (0.0, 0.0, 0.0));
+        assert_eq!(
+            (
+                curves.precision[50],
+                curves.success[0],
+                curves.norm_precision[50]
+            ),
+            (0.0, 0.0, 0.0)
+        );
     }
 }

@@ -94,18 +94,28 @@ pub enum Error {
 impl Error {
     /// `path` cannot be read.
     pub fn unreadable(path: &Path) -> impl FnOnce(io::Error) -> Error + '_ {
-        move |error| Error::Unreadable { path: path.to_path_buf(), error }
+        move |error| Error::Unreadable {
+            path: path.to_path_buf(),
+            error,
+        }
     }
 
     /// `path` cannot be written.
     pub fn unwritable(path: &Path) -> impl FnOnce(io::Error) -> Error + '_ {
-        move |error| Error::Unwritable { path: path.to_path_buf(), error }
+        move |error| Error::Unwritable {
+            path: path.to_path_buf(),
+            error,
+        }
     }
 
     /// `path` holds something else than it should.
     pub fn content(path: &Path, expected: impl ToString, found: impl ToString) -> Error {
         let (expected, found) = (brief(expected), brief(found));
-        Error::Content { path: path.to_path_buf(), expected, found }
+        Error::Content {
+            path: path.to_path_buf(),
+            expected,
+            found,
+        }
     }
 }
 
@@ -113,8 +123,11 @@ impl Error {
 pub fn brief(text: impl ToString) -> String {
     const LONGEST: usize = 300;
     let text = text.to_string();
-    let mut short: String =
-        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    let mut short: String = text
+        .chars()
+        .take(LONGEST)
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect();
     if text.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }

@@ -33,11 +33,19 @@ pub fn export(
 ) -> Result<usize, Error> {
     let names = results.names()?;
     if names.is_empty() {
-        return Err(Error::content(results.folder(), "results <sequence>.txt", "none"));
+        return Err(Error::content(
+            results.folder(),
+            "results <sequence>.txt",
+            "none",
+        ));
     }
     for name in &names {
         let boxes = results.boxes(name)?.unwrap_or_default();
-        let separator = if layout == Layout::Pytracking { "\t" } else { "," };
+        let separator = if layout == Layout::Pytracking {
+            "\t"
+        } else {
+            ","
+        };
         let (boxes_file, times_file) = files(layout, dataset, tracker, name);
         write(&out.join(boxes_file), &lines(&boxes, separator))?;
         if let (Some(file), Some(times)) = (times_file, results.times(name)?) {
@@ -49,7 +57,12 @@ pub fn export(
 }
 
 /// Where the boxes and times of a sequence go.
-fn files(layout: Layout, dataset: Dataset, tracker: &str, sequence: &str) -> (PathBuf, Option<PathBuf>) {
+fn files(
+    layout: Layout,
+    dataset: Dataset,
+    tracker: &str,
+    sequence: &str,
+) -> (PathBuf, Option<PathBuf>) {
     let boxes = format!("{sequence}.txt");
     let times = format!("{sequence}_time.txt");
     match layout {
@@ -58,14 +71,19 @@ fn files(layout: Layout, dataset: Dataset, tracker: &str, sequence: &str) -> (Pa
             match dataset {
                 Dataset::Got10k => {
                     let folder = folder.join(sequence);
-                    (folder.join(format!("{sequence}_001.txt")), Some(folder.join(times)))
+                    (
+                        folder.join(format!("{sequence}_001.txt")),
+                        Some(folder.join(times)),
+                    )
                 }
                 _ => (folder.join(boxes), Some(folder.join("times").join(times))),
             }
         }
         Layout::Pysot => (Path::new(tracker).join(boxes), None),
         Layout::Pytracking => {
-            let folder = Path::new("tracking_results").join(tracker).join("default_000");
+            let folder = Path::new("tracking_results")
+                .join(tracker)
+                .join("default_000");
             (folder.join(boxes), Some(folder.join(times)))
         }
         Layout::Visdrone => (boxes.into(), None),
@@ -116,9 +134,16 @@ mod tests {
             (Layout::Visdrone, Dataset::Visdrone, "a.txt", None),
         ] {
             assert_eq!(export(&results, layout, dataset, "me", &out).unwrap(), 1);
-            let expected = if layout == Layout::Pytracking { comma.replace(',', "\t") } else { comma.into() };
+            let expected = if layout == Layout::Pytracking {
+                comma.replace(',', "\t")
+            } else {
+                comma.into()
+            };
             assert_eq!(read(boxes), expected, "{layout:?}");
-            assert!(times.is_none_or(|times| read(times) == "0.50000000\n0.25000000\n"), "{layout:?}");
+            assert!(
+                times.is_none_or(|times| read(times) == "0.50000000\n0.25000000\n"),
+                "{layout:?}"
+            );
         }
         let empty = Results::create(&folder.path().join("none")).unwrap();
         assert!(export(&empty, Layout::Pysot, Dataset::Dtb70, "me", &out).is_err());

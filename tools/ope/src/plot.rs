@@ -36,8 +36,9 @@ const INNER_WIDTH: f64 = WIDTH - LEFT - 22.0;
 const INNER_HEIGHT: f64 = HEIGHT - TOP - 52.0;
 
 /// Colors that are told apart by most eyes (Okabe and Ito), then repeated with dashes.
-const COLORS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c8c8c"];
+const COLORS: [&str; 8] = [
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c8c8c",
+];
 
 /// The color of tracker `i`.
 pub fn color(i: usize) -> &'static str {
@@ -49,7 +50,11 @@ pub fn lines(axes: &Axes<'_>, series: &[Series], legend_left: bool) -> String {
     let mut svg = frame(axes);
     for (i, line) in series.iter().enumerate() {
         let points: Vec<String> = line.points.iter().map(|p| place(axes, *p)).collect();
-        let dash = if i < COLORS.len() { "" } else { " stroke-dasharray=\"6 4\"" };
+        let dash = if i < COLORS.len() {
+            ""
+        } else {
+            " stroke-dasharray=\"6 4\""
+        };
         let _ = writeln!(
             svg,
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"{dash}/>",
@@ -57,7 +62,12 @@ pub fn lines(axes: &Axes<'_>, series: &[Series], legend_left: bool) -> String {
             color(i)
         );
     }
-    let x = LEFT + if legend_left { 14.0 } else { INNER_WIDTH * 0.55 };
+    let x = LEFT
+        + if legend_left {
+            14.0
+        } else {
+            INNER_WIDTH * 0.55
+        };
     let bottom = TOP + INNER_HEIGHT - 17.0 * series.len() as f64 - 4.0;
     legend(&mut svg, series, x, bottom.max(TOP + 16.0));
     svg + "</svg>\n"
@@ -101,7 +111,11 @@ pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
     };
     let mut svg = open(title);
     for percent in [25.0, 50.0, 75.0, 100.0] {
-        let _ = writeln!(svg, "<polygon points=\"{}\" class=\"grid\" fill=\"none\"/>", ring(&|_| percent));
+        let _ = writeln!(
+            svg,
+            "<polygon points=\"{}\" class=\"grid\" fill=\"none\"/>",
+            ring(&|_| percent)
+        );
     }
     for (i, spoke) in spokes.iter().enumerate() {
         let (x, y) = at(i, 110.0);
@@ -201,10 +215,15 @@ fn ticks(min: f64, max: f64) -> Vec<f64> {
         return (0..=5).map(|i| max * f64::from(i) / 5.0).collect();
     }
     let decades = (max / min).log10();
-    let steps: &[f64] = if decades > 3.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let steps: &[f64] = if decades > 3.0 {
+        &[1.0]
+    } else {
+        &[1.0, 2.0, 5.0]
+    };
     let powers = min.log10().floor() as i32..=max.log10().ceil() as i32;
     let all = powers.flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)));
-    all.filter(|value| (min * 0.999..=max * 1.001).contains(value)).collect()
+    all.filter(|value| (min * 0.999..=max * 1.001).contains(value))
+        .collect()
 }
 
 /// Where a value lies on the horizontal axis, from 0 to 1.
@@ -223,12 +242,22 @@ fn tick(value: f64) -> String {
 
 fn place(axes: &Axes<'_>, (x, y): (f64, f64)) -> String {
     let x = LEFT + INNER_WIDTH * along(axes, x);
-    format!("{x:.1},{:.1}", TOP + INNER_HEIGHT * (1.0 - (y / axes.y_max).clamp(0.0, 1.0)))
+    format!(
+        "{x:.1},{:.1}",
+        TOP + INNER_HEIGHT * (1.0 - (y / axes.y_max).clamp(0.0, 1.0))
+    )
 }
 
 fn legend(svg: &mut String, series: &[Series], x: f64, y: f64) {
-    let longest = series.iter().map(|line| line.label.chars().count()).max().unwrap_or(0);
-    let (width, height) = (34.0 + 6.5 * longest as f64, 17.0 * series.len() as f64 + 6.0);
+    let longest = series
+        .iter()
+        .map(|line| line.label.chars().count())
+        .max()
+        .unwrap_or(0);
+    let (width, height) = (
+        34.0 + 6.5 * longest as f64,
+        17.0 * series.len() as f64 + 6.0,
+    );
     let _ = writeln!(
         svg,
         "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" rx=\"4\" fill=\"Canvas\" fill-opacity=\"0.8\"/>",
@@ -254,19 +283,45 @@ mod tests {
 
     #[test]
     fn curves_stay_inside_and_names_are_escaped() {
-        let axes = Axes { title: "t", x: "x", y: "y", x_min: 0.0, x_max: 50.0, y_max: 1.0 };
-        let series = [Series { label: "<a&b>".into(), points: vec![(0.0, 0.0), (50.0, 1.0), (99.0, 9.0)] }];
+        let axes = Axes {
+            title: "t",
+            x: "x",
+            y: "y",
+            x_min: 0.0,
+            x_max: 50.0,
+            y_max: 1.0,
+        };
+        let series = [Series {
+            label: "<a&b>".into(),
+            points: vec![(0.0, 0.0), (50.0, 1.0), (99.0, 9.0)],
+        }];
         let svg = lines(&axes, &series, false);
-        assert!(svg.contains("points=\"58.0,348.0 538.0,38.0 538.0,38.0\""), "{svg}");
+        assert!(
+            svg.contains("points=\"58.0,348.0 538.0,38.0 538.0,38.0\""),
+            "{svg}"
+        );
         assert!(svg.contains("&lt;a&amp;b&gt;") && svg.ends_with("</svg>\n"));
         assert!(points(&axes, &series).matches("<circle").count() == 3);
-        assert!(radar("r", &["one".into(), "two".into(), "three".into()], &series).contains(">three</text>"));
+        assert!(
+            radar("r", &["one".into(), "two".into(), "three".into()], &series)
+                .contains(">three</text>")
+        );
     }
 
     #[test]
     fn logarithmic_axes() {
-        let axes = Axes { title: "t", x: "x", y: "y", x_min: 1.0, x_max: 100.0, y_max: 1.0 };
-        assert_eq!([1.0, 10.0, 100.0, 0.0, 999.0].map(|x| along(&axes, x)), [0.0, 0.5, 1.0, 0.0, 1.0]);
+        let axes = Axes {
+            title: "t",
+            x: "x",
+            y: "y",
+            x_min: 1.0,
+            x_max: 100.0,
+            y_max: 1.0,
+        };
+        assert_eq!(
+            [1.0, 10.0, 100.0, 0.0, 999.0].map(|x| along(&axes, x)),
+            [0.0, 0.5, 1.0, 0.0, 1.0]
+        );
         assert_eq!(ticks(1.0, 100.0), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
         assert_eq!(ticks(1.0, 1e5).len(), 6);
         assert_eq!(ticks(0.0, 50.0), [0.0, 10.0, 20.0, 30.0, 40.0, 50.0]);

@@ -57,8 +57,14 @@ impl Flights {
         let pictures = folder.join("color");
         fs::create_dir_all(&pictures).map_err(Error::unwritable(&pictures))?;
         let ((width, height), frames) = (self.size, self.frames);
-        let config =
-            FlightConfig { width, height, frames, seed, difficulty: self.difficulty, ..Default::default() };
+        let config = FlightConfig {
+            width,
+            height,
+            frames,
+            seed,
+            difficulty: self.difficulty,
+            ..Default::default()
+        };
         let flight = Flight::new(config);
         let mut frame = FrameBuffer::default();
         let (mut boxes, mut anchors, mut hidden) = (Vec::new(), String::new(), String::new());
@@ -67,7 +73,8 @@ impl Flights {
             let path = pictures.join(format!("{:08}.jpg", i + 1));
             fs::write(&path, jpeg(&path, &frame)?).map_err(Error::unwritable(&path))?;
             let (seen, b) = (truth.visible >= SEEN || i == 0, truth.bbox);
-            let [x, y, w, h] = [b.x, b.y, b.w, b.h].map(|v| if seen { f64::from(v) } else { f64::NAN });
+            let [x, y, w, h] =
+                [b.x, b.y, b.w, b.h].map(|v| if seen { f64::from(v) } else { f64::NAN });
             boxes.push(BBox::new(x, y, w, h));
             anchors += match i % ANCHORS {
                 0 if seen && 2 * i < frames => "1\n",
@@ -76,7 +83,8 @@ impl Flights {
             };
             hidden += if truth.visible < HIDDEN { "1\n" } else { "0\n" };
         }
-        let about = "channels.color=color/%08d.jpg\nchannel.default=color\nfps=30\nformat=default\n";
+        let about =
+            "channels.color=color/%08d.jpg\nchannel.default=color\nfps=30\nformat=default\n";
         for (file, text) in [
             ("groundtruth.txt", &*lines(&boxes, ",")),
             ("anchor.value", &anchors),
@@ -111,13 +119,22 @@ mod tests {
     #[test]
     fn a_benchmark_that_the_loader_reads() {
         let folder = Folder::new("render");
-        let flights = Flights { seed: 3, count: 2, frames: 4, size: (96, 64), difficulty: Difficulty::Easy };
+        let flights = Flights {
+            seed: 3,
+            count: 2,
+            frames: 4,
+            size: (96, 64),
+            difficulty: Difficulty::Easy,
+        };
         flights.write(folder.path(), |_| {}).unwrap();
         let mut notes = Notes::default();
         let sequences = Dataset::Folder.load(folder.path(), &mut notes).unwrap();
         assert_eq!((sequences.len(), notes.count()), (2, 0), "{notes}");
         let first = &sequences[0];
-        assert_eq!((&first.annotation.name[..], first.frames.len()), ("flight3", 4));
+        assert_eq!(
+            (&first.annotation.name[..], first.frames.len()),
+            ("flight3", 4)
+        );
         assert!(first.frames[0].ends_with("color/00000001.jpg"));
         assert!(first.annotation.boxes.iter().all(BBox::is_usable));
         let read = |file: &str| fs::read_to_string(folder.path().join(file)).unwrap();

@@ -25,7 +25,9 @@ impl Results {
     /// If it is no folder that can be read.
     pub fn open(folder: &Path) -> Result<Results, Error> {
         fs::read_dir(folder).map_err(Error::unreadable(folder))?;
-        Ok(Results { folder: folder.to_path_buf() })
+        Ok(Results {
+            folder: folder.to_path_buf(),
+        })
     }
 
     /// The results in `folder`, which is made if it is not there.
@@ -39,7 +41,8 @@ impl Results {
 
     /// Whether the boxes of a sequence are there, one for each of `frames`.
     pub fn is_whole(&self, sequence: &str, frames: usize) -> bool {
-        self.boxes(sequence).is_ok_and(|boxes| boxes.is_some_and(|boxes| boxes.len() == frames))
+        self.boxes(sequence)
+            .is_ok_and(|boxes| boxes.is_some_and(|boxes| boxes.len() == frames))
     }
 
     /// Writes the boxes of a sequence as `<sequence>.txt`, `x,y,w,h` to three digits, and the seconds of its frames, if
@@ -54,7 +57,10 @@ impl Results {
             let text: String = seconds.iter().map(|t| format!("{t:.8}\n")).collect();
             write_whole(&folder.join(format!("{sequence}_time.txt")), &text)?;
         }
-        write_whole(&self.folder.join(format!("{sequence}.txt")), &lines(boxes, ","))
+        write_whole(
+            &self.folder.join(format!("{sequence}.txt")),
+            &lines(boxes, ","),
+        )
     }
 
     /// Where it lies.
@@ -72,7 +78,9 @@ impl Results {
             format!("{sequence}/{sequence}_001.txt"),
             format!("{sequence}/{sequence}.txt"),
         ];
-        self.first(&names).map(|path| text::read_boxes(&path)).transpose()
+        self.first(&names)
+            .map(|path| text::read_boxes(&path))
+            .transpose()
     }
 
     /// The seconds of each frame of a sequence; `None` if there is no file of it.
@@ -85,7 +93,9 @@ impl Results {
             format!("{sequence}_time.txt"),
             format!("{sequence}/{sequence}_time.txt"),
         ];
-        self.first(&names).map(|path| text::read_numbers(&path)).transpose()
+        self.first(&names)
+            .map(|path| text::read_numbers(&path))
+            .transpose()
     }
 
     /// The sequences that there are files `<sequence>.txt` of.
@@ -102,12 +112,18 @@ impl Results {
 
     /// The folder's own name: what a tracker is called unless told otherwise.
     pub fn name(&self) -> String {
-        let resolved = self.folder.canonicalize().unwrap_or_else(|_| self.folder.clone());
+        let resolved = self
+            .folder
+            .canonicalize()
+            .unwrap_or_else(|_| self.folder.clone());
         file_name(&resolved)
     }
 
     fn first(&self, names: &[String]) -> Option<PathBuf> {
-        names.iter().map(|name| self.folder.join(name)).find(|path| path.is_file())
+        names
+            .iter()
+            .map(|name| self.folder.join(name))
+            .find(|path| path.is_file())
     }
 }
 

@@ -87,7 +87,10 @@ impl Evaluation {
                 ));
             }
             times.extend(results.times(name)?);
-            sequences.push(Evaluated { annotation: annotation.clone(), boxes });
+            sequences.push(Evaluated {
+                annotation: annotation.clone(),
+                boxes,
+            });
         }
         let tracker = results.name();
         if !without.is_empty() && (missing == Missing::Refuse || sequences.is_empty()) {
@@ -105,15 +108,27 @@ impl Evaluation {
         }
         for name in results.names()? {
             if !annotations.iter().any(|a| a.name == name) {
-                notes.add(format!("{tracker}: results of {name}, which is not annotated, are not used"));
+                notes.add(format!(
+                    "{tracker}: results of {name}, which is not annotated, are not used"
+                ));
             }
         }
-        let uncounted = times.iter().flatten().filter(|t| !(**t > 0.0 && t.is_finite())).count();
+        let uncounted = times
+            .iter()
+            .flatten()
+            .filter(|t| !(**t > 0.0 && t.is_finite()))
+            .count();
         if uncounted > 0 {
-            notes.add(format!("{tracker}: {uncounted} times are not above 0 and do not count"));
+            notes.add(format!(
+                "{tracker}: {uncounted} times are not above 0 and do not count"
+            ));
         }
         let speed = Speed::of(times.iter().map(Vec::as_slice));
-        Ok(Evaluation { tracker, sequences, speed })
+        Ok(Evaluation {
+            tracker,
+            sequences,
+            speed,
+        })
     }
 
     /// The scores under a rule.
@@ -132,8 +147,11 @@ impl Evaluation {
                 )),
             }
         }
-        let curves = Curves::mean(per_sequence.iter().map(|(_, curves)| curves))
-            .ok_or(Error::NothingToCount { convention: convention.name() })?;
+        let curves = Curves::mean(per_sequence.iter().map(|(_, curves)| curves)).ok_or(
+            Error::NothingToCount {
+                convention: convention.name(),
+            },
+        )?;
         Ok(Score {
             convention: convention.name(),
             precision: 100.0 * curves.precision(),
@@ -150,8 +168,15 @@ impl Evaluation {
     ///
     /// # Errors
     /// As of [`score`](Self::score).
-    pub fn scores(&self, conventions: &[Convention], notes: &mut Notes) -> Result<Vec<Score>, Error> {
-        conventions.iter().map(|convention| self.score(*convention, notes)).collect()
+    pub fn scores(
+        &self,
+        conventions: &[Convention],
+        notes: &mut Notes,
+    ) -> Result<Vec<Score>, Error> {
+        conventions
+            .iter()
+            .map(|convention| self.score(*convention, notes))
+            .collect()
     }
 }
 
@@ -163,7 +188,8 @@ mod tests {
 
     /// Precision and AUC in percent.
     fn authors(dataset: &str, convention: Convention) -> Option<(f64, f64)> {
-        let truth = annotations::read_folder(&shared(&format!("data/gt_annotations/{dataset}"))?).unwrap();
+        let truth =
+            annotations::read_folder(&shared(&format!("data/gt_annotations/{dataset}"))?).unwrap();
         let results = Results::open(&shared(&format!("data/authors_results/{dataset}"))?).unwrap();
         let mut notes = Notes::default();
         let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
@@ -180,14 +206,21 @@ mod tests {
             ("UAVDT", Convention::Otb, "80.82 56.32"),
             ("UAVDT", Convention::Got10k, "80.82 56.54"),
         ] {
-            let Some((precision, auc)) = authors(dataset, convention) else { return };
-            assert_eq!(format!("{precision:.2} {auc:.2}"), expected, "{dataset} {convention:?}");
+            let Some((precision, auc)) = authors(dataset, convention) else {
+                return;
+            };
+            assert_eq!(
+                format!("{precision:.2} {auc:.2}"),
+                expected,
+                "{dataset} {convention:?}"
+            );
         }
     }
 
     fn evaluate(folder: &Folder, missing: Missing) -> Result<(Evaluation, Notes), String> {
         let mut notes = Notes::default();
-        let truth = annotations::read_folder(&folder.path().join("truth")).map_err(|e| e.to_string())?;
+        let truth =
+            annotations::read_folder(&folder.path().join("truth")).map_err(|e| e.to_string())?;
         let results = Results::open(&folder.path().join("found")).map_err(|e| e.to_string())?;
         let evaluation =
             Evaluation::read(&truth, &results, missing, &mut notes).map_err(|e| e.to_string())?;
@@ -206,7 +239,10 @@ mod tests {
         let results = Results::open(&folder.path().join("found")).unwrap();
         let mut notes = Notes::default();
         let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
-        assert_eq!((evaluation.sequences.len(), notes.to_string().as_str()), (4, ""));
+        assert_eq!(
+            (evaluation.sequences.len(), notes.to_string().as_str()),
+            (4, "")
+        );
     }
 
     #[test]
@@ -220,10 +256,18 @@ mod tests {
         folder.write("found/times/long_time.txt", "0.5\n0.25\n0\n");
         let (evaluation, notes) = evaluate(&folder, Missing::Refuse).unwrap();
         let text = notes.to_string();
-        assert!(text.contains("long: 10 annotated frames, 12 results: the shorter counts"), "{text}");
-        assert!(text.contains("results of other, which is not annotated"), "{text}");
+        assert!(
+            text.contains("long: 10 annotated frames, 12 results: the shorter counts"),
+            "{text}"
+        );
+        assert!(
+            text.contains("results of other, which is not annotated"),
+            "{text}"
+        );
         assert!(text.contains("1 times are not above 0"), "{text}");
-        let score = evaluation.score(Convention::Got10k, &mut Notes::default()).unwrap();
+        let score = evaluation
+            .score(Convention::Got10k, &mut Notes::default())
+            .unwrap();
         assert!((score.precision - 55.0).abs() < 1e-9, "{score:?}"); // 1 in 10, and 1 in 1
         assert_eq!(score.sequences, 2);
         assert_eq!(evaluation.speed.unwrap().mean_of_rates, 3.0);
@@ -236,15 +280,25 @@ mod tests {
         folder.write("truth/b.txt", "10,10,20,20\n");
         folder.write("found/b/b_001.txt", "10,10,20,20\n");
         let error = evaluate(&folder, Missing::Refuse).unwrap_err();
-        assert!(error.ends_with("expected results of 2 sequences, found none for 1 of them: a"), "{error}");
+        assert!(
+            error.ends_with("expected results of 2 sequences, found none for 1 of them: a"),
+            "{error}"
+        );
         let (evaluation, notes) = evaluate(&folder, Missing::Skip).unwrap();
         assert_eq!(evaluation.sequences.len(), 1);
-        assert!(notes.to_string().contains("1 of 2 sequences have no results and are left out: a"));
+        assert!(
+            notes
+                .to_string()
+                .contains("1 of 2 sequences have no results and are left out: a")
+        );
         std::fs::remove_dir_all(folder.path().join("found/b")).unwrap();
         assert!(evaluate(&folder, Missing::Skip).is_err());
         folder.write("found/a.txt", "");
         let error = evaluate(&folder, Missing::Skip).unwrap_err();
-        assert!(error.ends_with("a.txt: expected x,y,w,h per line, found an empty file"), "{error}");
+        assert!(
+            error.ends_with("a.txt: expected x,y,w,h per line, found an empty file"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -253,8 +307,14 @@ mod tests {
         folder.write("truth/a.txt", "NaN,NaN,NaN,NaN\nNaN,NaN,NaN,NaN\n");
         folder.write("found/a.txt", "1,2,3,4\n1,2,3,4\n");
         let (evaluation, mut notes) = evaluate(&folder, Missing::Refuse).unwrap();
-        let error = evaluation.score(Convention::Got10k, &mut notes).unwrap_err().to_string();
-        assert!(error.contains("no frame to count") && error.contains("got10k"), "{error}");
+        let error = evaluation
+            .score(Convention::Got10k, &mut notes)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("no frame to count") && error.contains("got10k"),
+            "{error}"
+        );
         let score = evaluation.score(Convention::Otb, &mut notes).unwrap();
         assert_eq!((score.precision, score.auc), (100.0, 0.0));
         folder.write("truth/b.txt", "10,10,20,20\n");
@@ -262,6 +322,11 @@ mod tests {
         let (evaluation, mut notes) = evaluate(&folder, Missing::Refuse).unwrap();
         let score = evaluation.score(Convention::Got10k, &mut notes).unwrap();
         assert_eq!((score.precision, score.sequences), (100.0, 1));
-        assert!(notes.to_string().contains("a: no annotated box counts under got10k"), "{notes}");
+        assert!(
+            notes
+                .to_string()
+                .contains("a: no annotated box counts under got10k"),
+            "{notes}"
+        );
     }
 }

@@ -21,7 +21,11 @@ impl Speed {
     pub fn of<'a>(sequences: impl IntoIterator<Item = &'a [f64]>) -> Option<Speed> {
         let (mut rates, mut frames, mut seconds) = (Vec::new(), 0, 0.0);
         for times in sequences {
-            let times: Vec<f64> = times.iter().copied().filter(|t| *t > 0.0 && t.is_finite()).collect();
+            let times: Vec<f64> = times
+                .iter()
+                .copied()
+                .filter(|t| *t > 0.0 && t.is_finite())
+                .collect();
             if times.is_empty() {
                 continue;
             }
@@ -31,7 +35,11 @@ impl Speed {
         }
         let mean_of_rates = rates.iter().sum::<f64>() / rates.len() as f64;
         let sequences = rates.len();
-        (sequences > 0).then(|| Speed { mean_of_rates, frames_per_time: frames as f64 / seconds, sequences })
+        (sequences > 0).then(|| Speed {
+            mean_of_rates,
+            frames_per_time: frames as f64 / seconds,
+            sequences,
+        })
     }
 }
 

@@ -10,10 +10,26 @@ use crate::dataset::{Attributes, Sequence};
 
 /// Where a pass starts and which way it goes.
 const STARTS: [Start; 4] = [
-    Start { suffix: "", middle: false, backwards: false },
-    Start { suffix: ".middle", middle: true, backwards: false },
-    Start { suffix: ".backwards", middle: false, backwards: true },
-    Start { suffix: ".middle-backwards", middle: true, backwards: true },
+    Start {
+        suffix: "",
+        middle: false,
+        backwards: false,
+    },
+    Start {
+        suffix: ".middle",
+        middle: true,
+        backwards: false,
+    },
+    Start {
+        suffix: ".backwards",
+        middle: false,
+        backwards: true,
+    },
+    Start {
+        suffix: ".middle-backwards",
+        middle: true,
+        backwards: true,
+    },
 ];
 
 #[derive(Clone, Copy, Debug)]
@@ -40,8 +56,14 @@ impl Start {
         let starts = whole.is_present(first) && whole.boxes.get(first)?.is_usable();
         (starts && order.len() > 1).then(|| Annotation {
             name: format!("{}{}", whole.name, self.suffix),
-            boxes: order.iter().filter_map(|&i| whole.boxes.get(i).copied()).collect(),
-            present: whole.present.as_ref().map(|_| order.iter().map(|&i| whole.is_present(i)).collect()),
+            boxes: order
+                .iter()
+                .filter_map(|&i| whole.boxes.get(i).copied())
+                .collect(),
+            present: whole
+                .present
+                .as_ref()
+                .map(|_| order.iter().map(|&i| whole.is_present(i)).collect()),
             scale: whole.scale,
         })
     }
@@ -49,7 +71,11 @@ impl Start {
 
 /// The annotations of all passes; a sequence of which only the first box is public keeps its one pass.
 pub fn annotations(whole: Vec<Annotation>) -> Vec<Annotation> {
-    passes(whole, |whole| whole, |start, whole| start.annotation(whole, &start.order(whole.boxes.len())))
+    passes(
+        whole,
+        |whole| whole,
+        |start, whole| start.annotation(whole, &start.order(whole.boxes.len())),
+    )
 }
 
 /// The same with their pictures.
@@ -57,7 +83,10 @@ pub fn sequences(whole: Vec<Sequence>) -> Vec<Sequence> {
     let pass = |start: Start, whole: &Sequence| {
         let order = start.order(whole.frames.len());
         let annotation = start.annotation(&whole.annotation, &order)?;
-        Some(Sequence { annotation, frames: order.iter().map(|&i| whole.frames[i].clone()).collect() })
+        Some(Sequence {
+            annotation,
+            frames: order.iter().map(|&i| whole.frames[i].clone()).collect(),
+        })
     };
     passes(whole, |whole| &whole.annotation, pass)
 }
@@ -94,9 +123,19 @@ mod tests {
     use std::path::PathBuf;
 
     fn sequence(n: usize) -> Sequence {
-        let boxes = (0..n).map(|i| BBox::new(i as f64, 0.0, 10.0, 10.0)).collect();
-        let annotation = Annotation { name: "a".into(), boxes, present: Some(vec![true; n]), scale: 0.5 };
-        Sequence { annotation, frames: (0..n).map(|i| PathBuf::from(i.to_string())).collect() }
+        let boxes = (0..n)
+            .map(|i| BBox::new(i as f64, 0.0, 10.0, 10.0))
+            .collect();
+        let annotation = Annotation {
+            name: "a".into(),
+            boxes,
+            present: Some(vec![true; n]),
+            scale: 0.5,
+        };
+        Sequence {
+            annotation,
+            frames: (0..n).map(|i| PathBuf::from(i.to_string())).collect(),
+        }
     }
 
     #[test]
@@ -105,18 +144,35 @@ mod tests {
         let found: Vec<(&str, String)> = passes
             .iter()
             .map(|pass| {
-                let frames = pass.frames.iter().map(|path| path.display().to_string()).collect();
+                let frames = pass
+                    .frames
+                    .iter()
+                    .map(|path| path.display().to_string())
+                    .collect();
                 (pass.annotation.name.as_str(), frames)
             })
             .collect();
-        let expected =
-            [("a", "01234"), ("a.middle", "234"), ("a.backwards", "43210"), ("a.middle-backwards", "210")];
-        assert_eq!(found, expected.map(|(name, frames)| (name, frames.to_owned())));
+        let expected = [
+            ("a", "01234"),
+            ("a.middle", "234"),
+            ("a.backwards", "43210"),
+            ("a.middle-backwards", "210"),
+        ];
+        assert_eq!(
+            found,
+            expected.map(|(name, frames)| (name, frames.to_owned()))
+        );
         for pass in &passes {
-            let along: Vec<f64> =
-                pass.frames.iter().map(|path| path.to_string_lossy().parse().unwrap()).collect();
+            let along: Vec<f64> = pass
+                .frames
+                .iter()
+                .map(|path| path.to_string_lossy().parse().unwrap())
+                .collect();
             assert!(pass.annotation.boxes.iter().map(|b| b.x).eq(along));
-            assert_eq!(pass.annotation.present.as_ref().map(Vec::len), Some(pass.frames.len()));
+            assert_eq!(
+                pass.annotation.present.as_ref().map(Vec::len),
+                Some(pass.frames.len())
+            );
         }
         let apart: Vec<Annotation> = passes.into_iter().map(|pass| pass.annotation).collect();
         assert_eq!(annotations(vec![sequence(5).annotation]), apart);
@@ -127,10 +183,19 @@ mod tests {
         let mut whole = sequence(6);
         whole.annotation.boxes[5].w = f64::NAN;
         whole.annotation.present.as_mut().unwrap()[3] = false;
-        let names: Vec<String> =
-            sequences(vec![whole]).into_iter().map(|pass| pass.annotation.name).collect();
+        let names: Vec<String> = sequences(vec![whole])
+            .into_iter()
+            .map(|pass| pass.annotation.name)
+            .collect();
         assert_eq!(names, ["a", "a.middle-backwards"]);
-        let hidden = Sequence { annotation: sequence(1).annotation, ..sequence(4) };
-        assert_eq!(sequences(vec![hidden.clone()]), [hidden], "only the first box is public");
+        let hidden = Sequence {
+            annotation: sequence(1).annotation,
+            ..sequence(4)
+        };
+        assert_eq!(
+            sequences(vec![hidden.clone()]),
+            [hidden],
+            "only the first box is public"
+        );
     }
 }

@@ -51,15 +51,21 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
                 near.cx += (off * angle.cos()) as f32;
                 near.cy += (off * angle.sin()) as f32;
                 tracker.place(near);
-                let found =
-                    BBox::from(tracker.update(&frame).map_err(|error| wrong(error.to_string()))?.bbox);
+                let found = BBox::from(
+                    tracker
+                        .update(&frame)
+                        .map_err(|error| wrong(error.to_string()))?
+                        .bbox,
+                );
                 let (dx, dy) = found.offset(&truth);
                 steps.frames += 1;
                 steps.found += f64::from(dx.hypot(dy) < FOUND * (truth.w * truth.h).sqrt());
                 steps.iou += found.iou(&truth);
             }
             (Some(truth), None) if !started => {
-                tracker.init(&frame, truth.to_track_cpu()).map_err(|error| wrong(error.to_string()))?;
+                tracker
+                    .init(&frame, truth.to_track_cpu())
+                    .map_err(|error| wrong(error.to_string()))?;
                 started = true;
             }
             _ => {}
@@ -67,7 +73,11 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
         before = truth;
     }
     let count = steps.frames.max(1) as f64;
-    Ok(Steps { frames: steps.frames, found: steps.found / count, iou: steps.iou / count })
+    Ok(Steps {
+        frames: steps.frames,
+        found: steps.found / count,
+        iou: steps.iou / count,
+    })
 }
 
 #[cfg(test)]
@@ -83,11 +93,19 @@ mod tests {
     #[test]
     fn an_easy_flight_is_found_in_every_frame_that_has_it() {
         let folder = Folder::new("step");
-        let flights =
-            Flights { seed: 5, count: 1, frames: 8, size: (480, 270), difficulty: Difficulty::Easy };
+        let flights = Flights {
+            seed: 5,
+            count: 1,
+            frames: 8,
+            size: (480, 270),
+            difficulty: Difficulty::Easy,
+        };
         flights.write(folder.path(), |_| {}).unwrap();
         let dataset: Dataset = "folder".parse().unwrap();
-        let mut sequence = dataset.load(folder.path(), &mut Notes::default()).unwrap().remove(0);
+        let mut sequence = dataset
+            .load(folder.path(), &mut Notes::default())
+            .unwrap()
+            .remove(0);
         let model = Model::builtin(Isa::detect());
         let all = steps(&model, &sequence).unwrap();
         assert_eq!((all.frames, all.found), (7, 1.0), "{all:?}");
@@ -97,7 +115,11 @@ mod tests {
         assert_eq!(steps(&model, &sequence).unwrap().frames, 5);
         // Boxes that are elsewhere are not found.
         for (i, bbox) in sequence.annotation.boxes.iter_mut().enumerate().skip(1) {
-            (bbox.x, bbox.y) = if i % 2 == 0 { (0.0, 0.0) } else { (440.0, 240.0) };
+            (bbox.x, bbox.y) = if i % 2 == 0 {
+                (0.0, 0.0)
+            } else {
+                (440.0, 240.0)
+            };
         }
         assert!(steps(&model, &sequence).unwrap().found < 0.5);
     }

@@ -11,7 +11,9 @@ pub struct Table {
 impl Table {
     /// A table with its header.
     pub fn new<const N: usize>(header: [&str; N]) -> Table {
-        Table { rows: vec![header.map(str::to_owned).to_vec()] }
+        Table {
+            rows: vec![header.map(str::to_owned).to_vec()],
+        }
     }
 
     /// Adds columns to the header.
@@ -28,7 +30,13 @@ impl Table {
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
-        let width = |c: usize| self.rows.iter().filter_map(|row| row.get(c)).map(|t| t.chars().count()).max();
+        let width = |c: usize| {
+            self.rows
+                .iter()
+                .filter_map(|row| row.get(c))
+                .map(|t| t.chars().count())
+                .max()
+        };
         let widths: Vec<usize> = (0..columns).map(|c| width(c).unwrap_or(0)).collect();
         for row in &self.rows {
             let mut line = String::new();

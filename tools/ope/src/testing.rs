@@ -42,7 +42,10 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     let root = std::env::var_os("TRACK_CPU_SHARED").map_or_else(default, PathBuf::from);
     let path = root.join(path);
     if !path.exists() {
-        println!("skipped: no {}; set TRACK_CPU_SHARED to where it lies", path.display());
+        println!(
+            "skipped: no {}; set TRACK_CPU_SHARED to where it lies",
+            path.display()
+        );
         return None;
     }
     Some(path)

@@ -37,7 +37,9 @@ pub fn read_numbers(path: &Path) -> Result<Vec<f64>, Error> {
 /// As of [`read_boxes`].
 pub fn read_all_numbers(path: &Path) -> Result<Vec<f64>, Error> {
     let rows = read_rows(path, "numbers", |line| {
-        fields(line).map(|field| field.parse().ok()).collect::<Option<Vec<f64>>>()
+        fields(line)
+            .map(|field| field.parse().ok())
+            .collect::<Option<Vec<f64>>>()
     })?;
     Ok(rows.concat())
 }
@@ -49,7 +51,11 @@ pub fn read_all_numbers(path: &Path) -> Result<Vec<f64>, Error> {
 pub fn read(path: &Path) -> Result<String, Error> {
     let bytes = fs::metadata(path).map_err(Error::unreadable(path))?.len();
     if bytes > MAX_BYTES {
-        return Err(Error::TooLarge { path: path.to_path_buf(), bytes, limit: MAX_BYTES });
+        return Err(Error::TooLarge {
+            path: path.to_path_buf(),
+            bytes,
+            limit: MAX_BYTES,
+        });
     }
     let bytes = fs::read(path).map_err(Error::unreadable(path))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
@@ -63,18 +69,27 @@ fn read_rows<T>(
     let text = read(path)?;
     let text = text.trim_start_matches('\u{feff}').trim_end();
     if text.is_empty() {
-        return Err(Error::content(path, format!("{expected} per line"), "an empty file"));
+        return Err(Error::content(
+            path,
+            format!("{expected} per line"),
+            "an empty file",
+        ));
     }
     let row = |(i, line): (usize, &str)| {
-        let failure =
-            || Error::Line { path: path.to_path_buf(), line: i + 1, expected, found: brief(line.trim_end()) };
+        let failure = || Error::Line {
+            path: path.to_path_buf(),
+            line: i + 1,
+            expected,
+            found: brief(line.trim_end()),
+        };
         parse(line).ok_or_else(failure)
     };
     text.lines().enumerate().map(row).collect()
 }
 
 fn fields(line: &str) -> impl Iterator<Item = &str> {
-    line.split(|c: char| c == ',' || c == ';' || c.is_whitespace()).filter(|field| !field.is_empty())
+    line.split(|c: char| c == ',' || c == ';' || c.is_whitespace())
+        .filter(|field| !field.is_empty())
 }
 
 #[cfg(test)]
@@ -85,12 +100,19 @@ mod tests {
     fn boxes(text: &[u8]) -> Result<Vec<BBox>, String> {
         let folder = Folder::new("text");
         let path = folder.write("boxes.txt", text);
-        read_boxes(&path).map_err(|error| error.to_string().replace(&path.display().to_string(), "FILE"))
+        read_boxes(&path).map_err(|error| {
+            error
+                .to_string()
+                .replace(&path.display().to_string(), "FILE")
+        })
     }
 
     #[test]
     fn every_way_to_write_a_box() {
-        let expected = Ok(vec![BBox::new(1.0, 2.5, 3.0, 4.0), BBox::new(-5.0, 6.0, 7.0, 8.0)]);
+        let expected = Ok(vec![
+            BBox::new(1.0, 2.5, 3.0, 4.0),
+            BBox::new(-5.0, 6.0, 7.0, 8.0),
+        ]);
         for text in [
             "1,2.5,3,4\n-5,6,7,8\n",
             "1,2.5,3,4\n-5,6,7,8",
@@ -109,16 +131,28 @@ mod tests {
 
     #[test]
     fn what_is_no_box_is_named() {
-        assert_eq!(boxes(b""), Err("FILE: expected x,y,w,h per line, found an empty file".into()));
+        assert_eq!(
+            boxes(b""),
+            Err("FILE: expected x,y,w,h per line, found an empty file".into())
+        );
         assert_eq!(boxes(b"\r\n \n"), boxes(b""));
         let expected = "FILE: line 2: expected x,y,w,h, found \"1,2,3\"";
         assert_eq!(boxes(b"1,2,3,4\n1,2,3\n"), Err(expected.into()));
         let expected = "FILE: line 2: expected x,y,w,h, found \"\"";
         assert_eq!(boxes(b"1,2,3,4\n\n1,2,3,4\n"), Err(expected.into()));
         assert!(boxes(b"x,y,w,h\n1,2,3,4\n").unwrap_err().contains("line 1"));
-        assert!(boxes(b"\xff\xfe1\x00,\x002\x00").unwrap_err().contains("line 1"));
+        assert!(
+            boxes(b"\xff\xfe1\x00,\x002\x00")
+                .unwrap_err()
+                .contains("line 1")
+        );
         assert!(boxes(b"1,,3,4").unwrap_err().contains("line 1"));
-        let missing = read_boxes(Path::new("/nonexistent/a.txt")).unwrap_err().to_string();
-        assert!(missing.starts_with("/nonexistent/a.txt: cannot be read"), "{missing}");
+        let missing = read_boxes(Path::new("/nonexistent/a.txt"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            missing.starts_with("/nonexistent/a.txt: cannot be read"),
+            "{missing}"
+        );
     }
 }

@@ -25,12 +25,21 @@ fn benchmark(sequences: usize) -> PathBuf {
         let (mut truth, mut found) = (String::new(), String::new());
         for i in 0..1000 {
             writeln!(truth, "{},{},40,30", 100 + i % 300, 100 + s % 50).unwrap();
-            writeln!(found, "{}.125,{}.250,41.000,29.500", 100 + i % 300 + (i * s) % 40, 100 + s % 50)
-                .unwrap();
+            writeln!(
+                found,
+                "{}.125,{}.250,41.000,29.500",
+                100 + i % 300 + (i * s) % 40,
+                100 + s % 50
+            )
+            .unwrap();
         }
         fs::write(folder.join(format!("truth/s{s:03}.txt")), truth).unwrap();
         fs::write(folder.join(format!("found/s{s:03}.txt")), found).unwrap();
-        fs::write(folder.join(format!("found/times/s{s:03}_time.txt")), "0.01000000\n".repeat(1000)).unwrap();
+        fs::write(
+            folder.join(format!("found/times/s{s:03}_time.txt")),
+            "0.01000000\n".repeat(1000),
+        )
+        .unwrap();
     }
     folder
 }

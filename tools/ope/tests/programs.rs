@@ -13,7 +13,11 @@ fn benchmark(name: &str) -> PathBuf {
     for sequence in ["a", "b", "c"] {
         let at = folder.join("data").join(sequence);
         fs::create_dir_all(at.join("img")).unwrap();
-        fs::write(at.join("groundtruth_rect.txt"), "10\t10\t20\t20\n".repeat(3)).unwrap();
+        fs::write(
+            at.join("groundtruth_rect.txt"),
+            "10\t10\t20\t20\n".repeat(3),
+        )
+        .unwrap();
         (1..=3).for_each(|i| fs::write(at.join(format!("img/{i:04}.jpg")), "").unwrap());
     }
     folder
@@ -21,7 +25,11 @@ fn benchmark(name: &str) -> PathBuf {
 
 /// Runs `ope` and returns its exit code, standard output and standard error.
 fn ope(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
-    let out = Command::new(env!("CARGO_BIN_EXE_ope")).current_dir(folder).args(args).output().unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_ope"))
+        .current_dir(folder)
+        .args(args)
+        .output()
+        .unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (out.status.code(), text(out.stdout), text(out.stderr))
 }
@@ -34,17 +42,40 @@ fn from_run_to_page() {
         let args: Vec<&str> = before.iter().chain(&data).chain(after).copied().collect();
         ope(&folder, &args)
     };
-    let (code, _, told) = with(&["run"], &["--out", "whole", "--name", "still", "--tracker", ECHO]);
+    let (code, _, told) = with(
+        &["run"],
+        &["--out", "whole", "--name", "still", "--tracker", ECHO],
+    );
     assert_eq!(code, Some(0), "{told}");
-    let (_, _, told) = with(&["run"], &["--out", "whole", "--name", "still", "--tracker", "false"]);
+    let (_, _, told) = with(
+        &["run"],
+        &["--out", "whole", "--name", "still", "--tracker", "false"],
+    );
     assert!(told.starts_with("0 sequences run"), "{told}");
     for shard in ["1/2", "2/2"] {
         let out = if shard == "1/2" { "one" } else { "two" };
-        let (code, _, told) =
-            with(&["run"], &["--out", out, "--name", "still", "--tracker", ECHO, "--shard", shard]);
+        let (code, _, told) = with(
+            &["run"],
+            &[
+                "--out",
+                out,
+                "--name",
+                "still",
+                "--tracker",
+                ECHO,
+                "--shard",
+                shard,
+            ],
+        );
         assert_eq!(code, Some(0), "{told}");
     }
-    let merge = ["merge", "one/folder/still", "two/folder/still", "--out", "merged/still too"];
+    let merge = [
+        "merge",
+        "one/folder/still",
+        "two/folder/still",
+        "--out",
+        "merged/still too",
+    ];
     assert_eq!(ope(&folder, &merge).0, Some(0));
     for sequence in ["a", "b", "c"] {
         let read = |at: &str| fs::read(folder.join(at).join(format!("{sequence}.txt"))).unwrap();
@@ -54,12 +85,29 @@ fn from_run_to_page() {
     let (code, table, told) = with(&["compare", "--out", "plots"], &both);
     assert_eq!(code, Some(0), "{told}");
     assert!(table.contains("still too        100.00  95.24"), "{table}");
-    assert!(folder.join("plots/speed.svg").is_file() && !folder.join("plots/attributes.svg").exists());
+    assert!(
+        folder.join("plots/speed.svg").is_file() && !folder.join("plots/attributes.svg").exists()
+    );
     let (code, _, told) = with(&["report", "--out", "page.html"], &both);
     assert_eq!(code, Some(0), "{told}");
-    assert!(fs::read_to_string(folder.join("page.html")).unwrap().contains("still too"));
-    let export = ["export", "--results", "whole/folder/still", "--to", "pysot", "--dataset", "otb100"];
-    assert_eq!(ope(&folder, &[&export[..], &["--out", "exported"]].concat()).0, Some(0));
+    assert!(
+        fs::read_to_string(folder.join("page.html"))
+            .unwrap()
+            .contains("still too")
+    );
+    let export = [
+        "export",
+        "--results",
+        "whole/folder/still",
+        "--to",
+        "pysot",
+        "--dataset",
+        "otb100",
+    ];
+    assert_eq!(
+        ope(&folder, &[&export[..], &["--out", "exported"]].concat()).0,
+        Some(0)
+    );
     assert!(folder.join("exported/still/a.txt").is_file());
 }
 
@@ -72,13 +120,23 @@ fn a_killed_run_goes_on() {
     let tracker = format!("sh -c '{note}{}'", &ECHO["sh -c '".len()..ECHO.len() - 1]);
     let run = |out: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ope"));
-        command.current_dir(&folder).args(["run", "--dataset", "folder", "--root", "data", "--jobs", "1"]);
+        command.current_dir(&folder).args([
+            "run",
+            "--dataset",
+            "folder",
+            "--root",
+            "data",
+            "--jobs",
+            "1",
+        ]);
         command.args(["--name", "still", "--tracker", &tracker, "--out", out]);
         command
     };
     let runs_of = |sequence: &str| {
         let runs = fs::read_to_string(folder.join("runs")).unwrap_or_default();
-        runs.lines().filter(|frame| frame.contains(&format!("data/{sequence}/img"))).count()
+        runs.lines()
+            .filter(|frame| frame.contains(&format!("data/{sequence}/img")))
+            .count()
     };
     let first = folder.join("out/folder/still/a.txt");
     let mut child = run("out").spawn().unwrap();
@@ -94,7 +152,13 @@ fn a_killed_run_goes_on() {
     // What was begun and killed is done again; what was done is not.
     assert!(runs_of("a") == 1 && runs_of("b") >= 1 && runs_of("c") == 1);
     assert!(run("whole").status().unwrap().success());
-    for file in ["a.txt", "b.txt", "c.txt", "times/a_time.txt", "times/c_time.txt"] {
+    for file in [
+        "a.txt",
+        "b.txt",
+        "c.txt",
+        "times/a_time.txt",
+        "times/c_time.txt",
+    ] {
         let read = |at: &str| fs::read(folder.join(at).join("folder/still").join(file)).unwrap();
         assert_eq!(read("out"), read("whole"), "{file}");
     }
@@ -103,23 +167,47 @@ fn a_killed_run_goes_on() {
 #[test]
 fn flights_are_rendered_tracked_and_scored() {
     let folder = benchmark("rendered");
-    let render = ["render", "--out", "flights", "--count", "2", "--frames", "5", "--size", "128x96"];
+    let render = [
+        "render", "--out", "flights", "--count", "2", "--frames", "5", "--size", "128x96",
+    ];
     assert_eq!(ope(&folder, &render).0, Some(0));
     let data = ["--dataset", "folder", "--root", "flights"];
     let (code, _, told) = ope(&folder, &[&["run"], &data[..], &["--out", "out"]].concat());
     assert_eq!(code, Some(0), "{told}");
-    let score = ["score", "--results", "out/folder/track-cpu", "--json", "--convention", "otb"];
+    let score = [
+        "score",
+        "--results",
+        "out/folder/track-cpu",
+        "--json",
+        "--convention",
+        "otb",
+    ];
     let (code, text, told) = ope(&folder, &[&score[..], &data[..]].concat());
     assert_eq!(code, Some(0), "{told}");
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(value["sequences"], 2);
-    assert!(value["auc"].as_f64().unwrap() > 20.0 && value["fps"]["frames_per_time"].as_f64().unwrap() > 0.0);
-    let (code, _, told) = ope(&folder, &[&["run", "--four-starts"], &data[..], &["--out", "out"]].concat());
-    assert!(code == Some(0) && told.contains("6 sequences run"), "the first passes are there: {told}");
-    let (_, text, told) = ope(&folder, &[&score[..], &data[..], &["--four-starts"]].concat());
+    assert!(
+        value["auc"].as_f64().unwrap() > 20.0
+            && value["fps"]["frames_per_time"].as_f64().unwrap() > 0.0
+    );
+    let (code, _, told) = ope(
+        &folder,
+        &[&["run", "--four-starts"], &data[..], &["--out", "out"]].concat(),
+    );
+    assert!(
+        code == Some(0) && told.contains("6 sequences run"),
+        "the first passes are there: {told}"
+    );
+    let (_, text, told) = ope(
+        &folder,
+        &[&score[..], &data[..], &["--four-starts"]].concat(),
+    );
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(value["sequences"], 8, "{told}");
-    assert_eq!(ope(&folder, &["render", "--out", "x", "--size", "9999999x9"]).0, Some(2));
+    assert_eq!(
+        ope(&folder, &["render", "--out", "x", "--size", "9999999x9"]).0,
+        Some(2)
+    );
 }
 
 #[test]
@@ -131,19 +219,41 @@ fn bad_options_and_inputs() {
         (&["--tracker", "'x"], 2, "quote"),
         (&["--tracker", "trax:"], 2, "found none"),
         (&["--tracker", "x", "--timeout", "0"], 2, "seconds above 0"),
-        (&["--dataset", "uav321"], 2, "expected one of uav123, uav123_10fps"),
-        (&["--name", "../x"], 3, "--name: expected a name for a folder"),
-        (&["--model", "data/a/groundtruth_rect.txt"], 3, "groundtruth_rect.txt"),
+        (
+            &["--dataset", "uav321"],
+            2,
+            "expected one of uav123, uav123_10fps",
+        ),
+        (
+            &["--name", "../x"],
+            3,
+            "--name: expected a name for a folder",
+        ),
+        (
+            &["--model", "data/a/groundtruth_rect.txt"],
+            3,
+            "groundtruth_rect.txt",
+        ),
         (&["--tracker", "false"], 3, "3 of 3 sequences failed"),
         (&["--jobs", "1"], 3, "a/img/0001.jpg"),
     ] {
-        let set: &[&str] = if more.contains(&"--dataset") { &[] } else { &["--dataset", "folder"] };
+        let set: &[&str] = if more.contains(&"--dataset") {
+            &[]
+        } else {
+            &["--dataset", "folder"]
+        };
         let (found, _, told) = ope(&folder, &[&run[..], set, more].concat());
         assert_eq!(found, Some(code), "{told}");
         assert!(told.contains(part), "{told}");
     }
     let (code, _, told) = ope(&folder, &["score", "--results", "data"]);
     assert_eq!(code, Some(2), "{told}");
-    let (code, _, told) = ope(&folder, &["score", "--annotations", "data", "--results", "data"]);
-    assert!(code == Some(3) && told.contains("expected results of 3 sequences"), "{told}");
+    let (code, _, told) = ope(
+        &folder,
+        &["score", "--annotations", "data", "--results", "data"],
+    );
+    assert!(
+        code == Some(3) && told.contains("expected results of 3 sequences"),
+        "{told}"
+    );
 }

@@ -14,15 +14,25 @@ fn folder(name: &str) -> PathBuf {
 
 fn score(folder: &PathBuf, options: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ope"));
-    command.current_dir(folder).args(["score", "--annotations", "truth", "--results", "found"]);
+    command
+        .current_dir(folder)
+        .args(["score", "--annotations", "truth", "--results", "found"]);
     command.args(options).output().unwrap()
 }
 
 #[test]
 fn json_of_one_rule_and_of_all() {
     let folder = folder("json");
-    fs::write(folder.join("truth/a.txt"), "10,10,20,20\r\nNaN,NaN,NaN,NaN\r\n10,10,20,20\r\n").unwrap();
-    fs::write(folder.join("found/a.txt"), "10,10,20,20,1\n1,1,1,1,1\n10,10,20,20,1\n").unwrap();
+    fs::write(
+        folder.join("truth/a.txt"),
+        "10,10,20,20\r\nNaN,NaN,NaN,NaN\r\n10,10,20,20\r\n",
+    )
+    .unwrap();
+    fs::write(
+        folder.join("found/a.txt"),
+        "10,10,20,20,1\n1,1,1,1,1\n10,10,20,20,1\n",
+    )
+    .unwrap();
     let out = score(&folder, &["--convention", "got10k", "--json"]);
     let value: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     assert_eq!(value["precision"], 100.0);
@@ -41,11 +51,25 @@ fn a_table_and_remarks_apart_from_it() {
     fs::write(folder.join("truth/a.txt"), "10,10,20,20\n10,10,20,20\n").unwrap();
     fs::write(folder.join("found/a.txt"), "10,10,20,20\n").unwrap();
     let out = score(&folder, &["--per-sequence"]);
-    let (stdout, stderr) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
+    let (stdout, stderr) = (
+        String::from_utf8(out.stdout).unwrap(),
+        String::from_utf8(out.stderr).unwrap(),
+    );
     assert!(out.status.success());
-    let otb: Vec<_> = stdout.lines().filter(|line| line.starts_with("otb")).collect();
-    assert!(otb[0].split_whitespace().eq(["otb", "100.00", "95.24", "100.00", "100.00", "1"]), "{stdout}");
-    assert_eq!(stderr, "note: a: 2 annotated frames, 1 results: the shorter counts\n");
+    let otb: Vec<_> = stdout
+        .lines()
+        .filter(|line| line.starts_with("otb"))
+        .collect();
+    assert!(
+        otb[0]
+            .split_whitespace()
+            .eq(["otb", "100.00", "95.24", "100.00", "100.00", "1"]),
+        "{stdout}"
+    );
+    assert_eq!(
+        stderr,
+        "note: a: 2 annotated frames, 1 results: the shorter counts\n"
+    );
 }
 
 #[test]
@@ -55,13 +79,23 @@ fn bad_input_ends_with_a_message() {
     let ends = |code: i32, part: &str| {
         let out = score(&folder, &["--json"]);
         let stderr = String::from_utf8(out.stderr).unwrap();
-        assert_eq!((out.status.code(), out.stdout.is_empty()), (Some(code), true), "{stderr}");
-        assert!(stderr.starts_with("error: ") && stderr.contains(part), "{stderr}");
+        assert_eq!(
+            (out.status.code(), out.stdout.is_empty()),
+            (Some(code), true),
+            "{stderr}"
+        );
+        assert!(
+            stderr.starts_with("error: ") && stderr.contains(part),
+            "{stderr}"
+        );
     };
     ends(3, "none for 1 of them: a");
     fs::write(folder.join("found/a.txt"), "10 10 20 twenty\n").unwrap();
     ends(3, "line 1: expected x,y,w,h, found \"10 10 20 twenty\"");
     fs::remove_dir_all(folder.join("truth")).unwrap();
     ends(3, "truth: cannot be read");
-    assert_eq!(score(&folder, &["--convention", "best"]).status.code(), Some(2));
+    assert_eq!(
+        score(&folder, &["--convention", "best"]).status.code(),
+        Some(2)
+    );
 }

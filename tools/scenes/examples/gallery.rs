@@ -12,7 +12,13 @@ use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer, TruthBox};
 
 const COLUMNS: usize = 3;
 
-fn outline(image: &mut RgbImage, b: &TruthBox, origin: (u32, u32), size: (u32, u32), color: [u8; 3]) {
+fn outline(
+    image: &mut RgbImage,
+    b: &TruthBox,
+    origin: (u32, u32),
+    size: (u32, u32),
+    color: [u8; 3],
+) {
     let (x0, y0) = (b.x.round() as i64 - 1, b.y.round() as i64 - 1);
     let (x1, y1) = ((b.x + b.w).round() as i64, (b.y + b.h).round() as i64);
     let mut dot = |x: i64, y: i64| {
@@ -31,7 +37,11 @@ fn outline(image: &mut RgbImage, b: &TruthBox, origin: (u32, u32), size: (u32, u
 }
 
 fn config(seed: u64, difficulty: Difficulty) -> FlightConfig {
-    FlightConfig { seed, difficulty, ..Default::default() }
+    FlightConfig {
+        seed,
+        difficulty,
+        ..Default::default()
+    }
 }
 
 fn sheet(seeds: &[u64], difficulty: Difficulty, path: &Path) -> image::ImageResult<()> {
@@ -41,18 +51,31 @@ fn sheet(seeds: &[u64], difficulty: Difficulty, path: &Path) -> image::ImageResu
     let mut frame = FrameBuffer::default();
     for (row, &seed) in seeds.iter().enumerate() {
         let flight = Flight::new(config(seed, difficulty));
-        println!("{}: seed {seed}, {:?}, {:?}", path.display(), flight.biome(), flight.target());
+        println!(
+            "{}: seed {seed}, {:?}, {:?}",
+            path.display(),
+            flight.biome(),
+            flight.target()
+        );
         for column in 0..COLUMNS {
             let truth = flight.render(column * (flight.len() - 1) / COLUMNS.max(2), &mut frame);
             let origin = (column as u32 * w, row as u32 * h);
             for (at, pixel) in frame.data.chunks_exact(3).enumerate() {
                 let (x, y) = (at as u32 % w, at as u32 / w);
-                image.put_pixel(origin.0 + x, origin.1 + y, Rgb([pixel[0], pixel[1], pixel[2]]));
+                image.put_pixel(
+                    origin.0 + x,
+                    origin.1 + y,
+                    Rgb([pixel[0], pixel[1], pixel[2]]),
+                );
             }
             for b in &truth.distractors {
                 outline(&mut image, b, origin, (w, h), [240, 190, 60]);
             }
-            let color = if truth.visible > 0.5 { [60, 240, 90] } else { [250, 60, 60] };
+            let color = if truth.visible > 0.5 {
+                [60, 240, 90]
+            } else {
+                [250, 60, 60]
+            };
             outline(&mut image, &truth.bbox, origin, (w, h), color);
         }
     }
@@ -89,12 +112,17 @@ fn speed(seeds: std::ops::Range<u64>, difficulty: Difficulty) {
 
 fn main() -> ExitCode {
     let mut args: Vec<String> = std::env::args().skip(1).collect();
-    let timing = args.iter().position(|a| a == "--speed").map(|at| args.remove(at)).is_some();
+    let timing = args
+        .iter()
+        .position(|a| a == "--speed")
+        .map(|at| args.remove(at))
+        .is_some();
     let Some(dir) = args.first() else {
         eprintln!("usage: gallery DIR [--speed] [FIRST_SEED COUNT [easy|medium|hard]]");
         return ExitCode::FAILURE;
     };
-    let number = |at: usize, default: u64| args.get(at).and_then(|a| a.parse().ok()).unwrap_or(default);
+    let number =
+        |at: usize, default: u64| args.get(at).and_then(|a| a.parse().ok()).unwrap_or(default);
     let (first, count) = (number(1, 1), number(2, 12));
     let difficulty = match args.get(3).map(String::as_str) {
         Some("easy") => Difficulty::Easy,

@@ -61,7 +61,11 @@ impl TargetKind {
     /// Whether two kinds look alike enough to be mistaken for each other.
     pub(crate) fn alike(self, other: TargetKind) -> bool {
         use TargetKind::*;
-        self == other || matches!((self, other), (Car, Van) | (Van, Car) | (Truck, Bus) | (Bus, Truck))
+        self == other
+            || matches!(
+                (self, other),
+                (Car, Van) | (Van, Car) | (Truck, Bus) | (Bus, Truck)
+            )
     }
 }
 
@@ -115,11 +119,21 @@ pub(crate) struct Route {
 impl Route {
     /// Standing still.
     pub fn parked(x: f32, t: f32, facing: Option<(f32, f32)>) -> Route {
-        Route { x, t, speed: 0.0, surge: (0.0, 1.0), sway: (0.0, 1.0), phase: 0.0, facing }
+        Route {
+            x,
+            t,
+            speed: 0.0,
+            surge: (0.0, 1.0),
+            sway: (0.0, 1.0),
+            phase: 0.0,
+            facing,
+        }
     }
 
     pub fn x_at(&self, seconds: f32) -> f32 {
-        self.x + self.speed * seconds + self.surge.0 * sin_turns(seconds / self.surge.1 + self.phase)
+        self.x
+            + self.speed * seconds
+            + self.surge.0 * sin_turns(seconds / self.surge.1 + self.phase)
     }
 
     /// Position on the ground.
@@ -176,7 +190,9 @@ fn lane(land: &Land, kind: TargetKind, way: f32, rng: &mut Rng) -> f32 {
         (Biome::Town, TargetKind::Person) => road.at + rng.sign() * (road.half + 0.5 * road.walk),
         (_, TargetKind::Person) => road.at - way * (road.half + 0.3),
         (_, TargetKind::Cyclist) => road.at - way * (road.lane + 0.45),
-        (Biome::Highway, _) => road.at - way * (road.median + 0.5 + road.lane * rng.pick(&[0.5, 1.5])),
+        (Biome::Highway, _) => {
+            road.at - way * (road.median + 0.5 + road.lane * rng.pick(&[0.5, 1.5]))
+        }
         _ => road.at - way * road.lane,
     }
 }
@@ -193,8 +209,16 @@ pub(crate) fn cast(
     rng: &mut Rng,
 ) -> Vec<Actor> {
     let way = rng.sign();
-    let fast = if land.biome == Biome::Highway { 1.7 } else { 1.0 };
-    let pace = if land.along[0].paving == Paving::Dirt { 0.7 * pace } else { pace };
+    let fast = if land.biome == Biome::Highway {
+        1.7
+    } else {
+        1.0
+    };
+    let pace = if land.along[0].paving == Paving::Dirt {
+        0.7 * pace
+    } else {
+        pace
+    };
     let speed = kind.speed() * pace * fast * rng.range(0.85, 1.15);
     let small = kind.on_foot_or_bicycle();
     let sway = match kind {
@@ -228,10 +252,22 @@ pub(crate) fn cast(
     let (mut ahead, mut behind, mut facing) = (0.0, 0.0, rng.range(0.2, 1.4) * spread);
     for i in 0..count {
         let copy = rng.chance(twins);
-        let own = if copy { kind } else { rng.pick(TargetKind::of(land.biome)) };
+        let own = if copy {
+            kind
+        } else {
+            rng.pick(TargetKind::of(land.biome))
+        };
         let mixed = own.on_foot_or_bicycle() == small && (!small || land.biome == Biome::Park);
-        let kind = if !mixed || [own, kind].contains(&TargetKind::Boat) { kind } else { own };
-        let body = if copy { actors[0].body.clone() } else { Body::new(kind, rng) };
+        let kind = if !mixed || [own, kind].contains(&TargetKind::Boat) {
+            kind
+        } else {
+            own
+        };
+        let body = if copy {
+            actors[0].body.clone()
+        } else {
+            Body::new(kind, rng)
+        };
         let lead = actors[0].route;
         let gap = spread * rng.range(0.75, 1.6);
         let mut route = lead;
@@ -265,7 +301,11 @@ pub(crate) fn cast(
     // Other road users, where the target is not one of them.
     if kind == TargetKind::Boat || small {
         for i in 0..count.min(4) {
-            let other = if land.biome == Biome::Park { TargetKind::Cyclist } else { TargetKind::Car };
+            let other = if land.biome == Biome::Park {
+                TargetKind::Cyclist
+            } else {
+                TargetKind::Car
+            };
             let side = if i % 2 == 0 { 1.0 } else { -1.0 };
             let road = &land.along[if land.biome == Biome::Park { 1 } else { 0 }];
             let route = Route {
@@ -275,8 +315,15 @@ pub(crate) fn cast(
                 surge: (0.0, 1.0),
                 ..actors[0].route
             };
-            let route = Route { sway: (0.1, 5.0), ..route };
-            actors.push(Actor { kind: other, body: Body::new(other, rng), route });
+            let route = Route {
+                sway: (0.1, 5.0),
+                ..route
+            };
+            actors.push(Actor {
+                kind: other,
+                body: Body::new(other, rng),
+                route,
+            });
         }
     }
     actors

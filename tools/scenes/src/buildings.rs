@@ -12,8 +12,20 @@ fn windows(m: &mut Mesh, rng: &mut Rng, x: (f32, f32), half: f32, floors: &[f32]
     for &z in floors {
         for i in 0..n {
             let c = lerp(x.0, x.1, (i as f32 + 0.5) / n as f32);
-            m.plates((c - 0.62, c + 0.62), half + 0.03, (z - 0.1, z + 1.35), [226.0, 222.0, 214.0], 0.0);
-            m.plates((c - 0.5, c + 0.5), half + 0.05, (z, z + 1.25), tone(pane, rng.range(0.8, 1.25)), 0.5);
+            m.plates(
+                (c - 0.62, c + 0.62),
+                half + 0.03,
+                (z - 0.1, z + 1.35),
+                [226.0, 222.0, 214.0],
+                0.0,
+            );
+            m.plates(
+                (c - 0.5, c + 0.5),
+                half + 0.05,
+                (z, z + 1.25),
+                tone(pane, rng.range(0.8, 1.25)),
+                0.5,
+            );
         }
     }
 }
@@ -30,7 +42,12 @@ fn slope(m: &mut Mesh, rng: &mut Rng, eave: (V3, V3), ridge: (V3, V3), color: Rg
         let row = rng.range(0.95, 1.04);
         for i in 0..columns {
             let c = tone(color, row * rng.range(0.95, 1.05));
-            m.quad([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)], inside, c, 0.0);
+            m.quad(
+                [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)],
+                inside,
+                c,
+                0.0,
+            );
         }
     }
 }
@@ -52,10 +69,22 @@ pub(crate) fn house(rng: &mut Rng, size: V3, barn: bool) -> Mesh {
         [86.0, 84.0, 90.0],
         [152.0, 104.0, 78.0],
     ];
-    let barns = [[140.0, 58.0, 48.0], [126.0, 104.0, 82.0], [168.0, 168.0, 164.0]];
-    let wall = if barn { rng.pick(&barns) } else { rng.pick(&walls) };
+    let barns = [
+        [140.0, 58.0, 48.0],
+        [126.0, 104.0, 82.0],
+        [168.0, 168.0, 164.0],
+    ];
+    let wall = if barn {
+        rng.pick(&barns)
+    } else {
+        rng.pick(&walls)
+    };
     let roof = if barn {
-        rng.pick(&[[148.0, 148.0, 150.0], [120.0, 112.0, 106.0], [150.0, 88.0, 70.0]])
+        rng.pick(&[
+            [148.0, 148.0, 150.0],
+            [120.0, 112.0, 106.0],
+            [150.0, 88.0, 70.0],
+        ])
     } else {
         rng.pick(&roofs)
     };
@@ -65,7 +94,12 @@ pub(crate) fn house(rng: &mut Rng, size: V3, barn: bool) -> Mesh {
     let over = 0.45;
     for side in [-1.0, 1.0] {
         let x = side * a;
-        m.quad([v3(x, -b, h), v3(x, b, h), v3(x, 0.0, top), v3(x, 0.0, top)], v3(0.0, 0.0, h), wall, 0.0);
+        m.quad(
+            [v3(x, -b, h), v3(x, b, h), v3(x, 0.0, top), v3(x, 0.0, top)],
+            v3(0.0, 0.0, h),
+            wall,
+            0.0,
+        );
         let drop = over * (top - h) / b;
         let y = side * (b + over);
         let eave = (v3(-a - over, y, h - drop), v3(a + over, y, h - drop));
@@ -73,16 +107,42 @@ pub(crate) fn house(rng: &mut Rng, size: V3, barn: bool) -> Mesh {
         slope(&mut m, rng, eave, ridge, roof);
         // Gutter: a thin pale edge below the eave.
         let low = v3(0.0, 0.0, -0.16);
-        m.quad([eave.0, eave.1, eave.1 + low, eave.0 + low], v3(0.0, 0.0, h), tone(roof, 0.6), 0.0);
+        m.quad(
+            [eave.0, eave.1, eave.1 + low, eave.0 + low],
+            v3(0.0, 0.0, h),
+            tone(roof, 0.6),
+            0.0,
+        );
     }
-    m.cuboid((0.0, 0.0), v3(2.0 * (a + over), 0.3, 0.1), top - 0.06, coat(tone(roof, 0.88), 0.0));
+    m.cuboid(
+        (0.0, 0.0),
+        v3(2.0 * (a + over), 0.3, 0.1),
+        top - 0.06,
+        coat(tone(roof, 0.88), 0.0),
+    );
     if barn {
-        m.end_plate(a + 0.03, (-b * 0.45, b * 0.45), (0.0, h * 0.85), tone(wall, 0.6));
-        m.end_plate(-a - 0.03, (-b * 0.45, b * 0.45), (0.0, h * 0.85), tone(wall, 0.6));
+        m.end_plate(
+            a + 0.03,
+            (-b * 0.45, b * 0.45),
+            (0.0, h * 0.85),
+            tone(wall, 0.6),
+        );
+        m.end_plate(
+            -a - 0.03,
+            (-b * 0.45, b * 0.45),
+            (0.0, h * 0.85),
+            tone(wall, 0.6),
+        );
     } else {
         let floors: &[f32] = if h > 4.5 { &[0.9, 3.5] } else { &[0.9] };
         windows(&mut m, rng, (-a + 0.6, a - 0.6), b, floors, PANE);
-        m.plates((-0.5, 0.5), b + 0.06, (0.0, 2.1), rng.pick(&[[96.0, 66.0, 48.0], [52.0, 70.0, 84.0]]), 0.1);
+        m.plates(
+            (-0.5, 0.5),
+            b + 0.06,
+            (0.0, 2.1),
+            rng.pick(&[[96.0, 66.0, 48.0], [52.0, 70.0, 84.0]]),
+            0.1,
+        );
         for side in [-1.0, 1.0] {
             m.end_plate(side * (a + 0.03), (-1.9, -0.8), (1.0, 2.2), PANE);
             m.end_plate(side * (a + 0.03), (0.8, 1.9), (1.0, 2.2), PANE);
@@ -92,7 +152,10 @@ pub(crate) fn house(rng: &mut Rng, size: V3, barn: bool) -> Mesh {
             (x, b * 0.25),
             v3(0.75, 0.6, 1.5),
             top - 1.1,
-            Coat { top: [52.0, 48.0, 46.0], ..coat([150.0, 96.0, 80.0], 0.0) },
+            Coat {
+                top: [52.0, 48.0, 46.0],
+                ..coat([150.0, 96.0, 80.0], 0.0)
+            },
         );
         if rng.chance(0.35) {
             // Solar panels on one slope.
@@ -100,7 +163,12 @@ pub(crate) fn house(rng: &mut Rng, size: V3, barn: bool) -> Mesh {
             let p = |x: f32, v: f32| v3(x, side * (b + over) * (1.0 - v), lerp(h, top, v) + 0.12);
             for i in 0..3 {
                 let x = -a * 0.7 + i as f32 * a * 0.4;
-                let quad = [p(x, 0.3), p(x + a * 0.37, 0.3), p(x + a * 0.37, 0.78), p(x, 0.78)];
+                let quad = [
+                    p(x, 0.3),
+                    p(x + a * 0.37, 0.3),
+                    p(x + a * 0.37, 0.78),
+                    p(x, 0.78),
+                ];
                 m.quad(quad, v3(0.0, 0.0, -5.0), [34.0, 42.0, 66.0], 0.7);
             }
         }
@@ -125,13 +193,33 @@ pub(crate) fn flats(rng: &mut Rng, size: V3) -> Mesh {
         [138.0, 142.0, 134.0],
     ]);
     let (a, b, h) = (size.x * 0.5, size.y * 0.5, size.z);
-    m.block(ring(-a, a, b, 0.0), ring(-a, a, b, h), Coat { top: roof, ..coat(wall, 0.0) });
+    m.block(
+        ring(-a, a, b, 0.0),
+        ring(-a, a, b, h),
+        Coat {
+            top: roof,
+            ..coat(wall, 0.0)
+        },
+    );
     // Parapet.
     for side in [-1.0, 1.0] {
-        m.cuboid((side * (a - 0.15), 0.0), v3(0.3, 2.0 * b, 0.55), h, coat(tone(wall, 1.04), 0.0));
-        m.cuboid((0.0, side * (b - 0.15)), v3(2.0 * a, 0.3, 0.55), h, coat(tone(wall, 1.04), 0.0));
+        m.cuboid(
+            (side * (a - 0.15), 0.0),
+            v3(0.3, 2.0 * b, 0.55),
+            h,
+            coat(tone(wall, 1.04), 0.0),
+        );
+        m.cuboid(
+            (0.0, side * (b - 0.15)),
+            v3(2.0 * a, 0.3, 0.55),
+            h,
+            coat(tone(wall, 1.04), 0.0),
+        );
     }
-    let floors: Vec<f32> = (0..8).map(|i| 0.9 + i as f32 * 3.0).filter(|z| z + 1.9 < h).collect();
+    let floors: Vec<f32> = (0..8)
+        .map(|i| 0.9 + i as f32 * 3.0)
+        .filter(|z| z + 1.9 < h)
+        .collect();
     windows(&mut m, rng, (-a + 0.6, a - 0.6), b, &floors, PANE);
     for &z in &floors {
         for side in [-1.0, 1.0] {
@@ -141,19 +229,40 @@ pub(crate) fn flats(rng: &mut Rng, size: V3) -> Mesh {
     }
     for _ in 0..rng.below(5) + 2 {
         let (x, y) = (rng.range(-a + 2.0, a - 2.0), rng.range(-b + 2.0, b - 2.0));
-        let unit = v3(rng.range(1.0, 2.2), rng.range(0.9, 1.6), rng.range(0.6, 1.2));
+        let unit = v3(
+            rng.range(1.0, 2.2),
+            rng.range(0.9, 1.6),
+            rng.range(0.6, 1.2),
+        );
         m.cuboid(
             (x, y),
             unit,
             h,
-            Coat { top: mix(wall, [150.0; 3], 0.7), ..coat([186.0, 188.0, 188.0], 0.1) },
+            Coat {
+                top: mix(wall, [150.0; 3], 0.7),
+                ..coat([186.0, 188.0, 188.0], 0.1)
+            },
         );
     }
     if size.x > 14.0 {
-        m.cuboid((a * 0.3, 0.0), v3(3.4, 3.0, 2.4), h, Coat { top: roof, ..coat(tone(wall, 0.96), 0.0) });
+        m.cuboid(
+            (a * 0.3, 0.0),
+            v3(3.4, 3.0, 2.4),
+            h,
+            Coat {
+                top: roof,
+                ..coat(tone(wall, 0.96), 0.0)
+            },
+        );
         for i in 0..4 {
             let x = -a * 0.75 + i as f32 * 1.9;
-            m.lid((x, x + 1.6), (-b * 0.6, b * 0.1), h + 0.25, [36.0, 44.0, 68.0], 0.7);
+            m.lid(
+                (x, x + 1.6),
+                (-b * 0.6, b * 0.1),
+                h + 0.25,
+                [36.0, 44.0, 68.0],
+                0.7,
+            );
         }
     }
     m
@@ -177,7 +286,13 @@ pub(crate) fn containers(rng: &mut Rng) -> Mesh {
             m.cuboid((0.0, y), v3(12.0, 2.44, 2.5), z, coat(color, 0.1));
             for i in 0..8 {
                 let x = -5.6 + i as f32 * 1.6;
-                m.lid((x - 0.05, x + 0.05), (y - 1.15, y + 1.15), z + 2.515, tone(color, 0.84), 0.0);
+                m.lid(
+                    (x - 0.05, x + 0.05),
+                    (y - 1.15, y + 1.15),
+                    z + 2.515,
+                    tone(color, 0.84),
+                    0.0,
+                );
             }
         }
     }
@@ -190,7 +305,12 @@ pub(crate) fn lamp() -> Mesh {
     let metal = coat([150.0, 154.0, 156.0], 0.2);
     m.cuboid((0.0, 0.0), v3(0.14, 0.14, 6.5), 0.0, metal);
     m.cuboid((0.0, 0.7), v3(0.1, 1.5, 0.1), 6.4, metal);
-    m.cuboid((0.0, 1.3), v3(0.24, 0.6, 0.12), 6.3, coat([206.0, 206.0, 200.0], 0.2));
+    m.cuboid(
+        (0.0, 1.3),
+        v3(0.24, 0.6, 0.12),
+        6.3,
+        coat([206.0, 206.0, 200.0], 0.2),
+    );
     m
 }
 

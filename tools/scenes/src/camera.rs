@@ -24,7 +24,11 @@ impl Camera {
         let d = p - self.position;
         let depth = d.dot(self.forward).max(NEAR);
         let k = self.focal / depth;
-        (self.center.0 + k * d.dot(self.right), self.center.1 + k * d.dot(self.down), depth)
+        (
+            self.center.0 + k * d.dot(self.right),
+            self.center.1 + k * d.dot(self.down),
+            depth,
+        )
     }
 
     /// Direction through a pixel position, not of unit length (its depth is 1).
@@ -84,7 +88,16 @@ impl Plan {
     pub fn new(size: (f32, f32), distance: f32, focal: f32, manner: Manner, rng: &mut Rng) -> Plan {
         let phases = std::array::from_fn(|_| rng.unit());
         let pitch = rng.range(36.0, 68.0) / 360.0;
-        Plan { manner, distance, focal, size, pitch, yaw: rng.unit(), exits: Vec::new(), phases }
+        Plan {
+            manner,
+            distance,
+            focal,
+            size,
+            pitch,
+            yaw: rng.unit(),
+            exits: Vec::new(),
+            phases,
+        }
     }
 
     /// A slow, smooth, zero-mean wave of about unit size with the given period in seconds.
@@ -137,14 +150,22 @@ impl Plan {
     fn look(&self, position: V3, look: V3, offset: (f32, f32), roll: f32) -> Camera {
         let right = look.cross(v3(0.0, 0.0, 1.0)).unit();
         let down = look.cross(right);
-        let forward = (look - right * (offset.0 / self.focal) - down * (offset.1 / self.focal)).unit();
+        let forward =
+            (look - right * (offset.0 / self.focal) - down * (offset.1 / self.focal)).unit();
         // Turned without levelling again: the target lands exactly where it is wanted.
         let right = (right - forward * forward.dot(right)).unit();
         let down = forward.cross(right);
         let (cos, sin) = (cos_turns(roll), sin_turns(roll));
         let (right, down) = (right * cos + down * sin, down * cos - right * sin);
         let center = (self.size.0 * 0.5, self.size.1 * 0.5);
-        Camera { position, right, down, forward, focal: self.focal, center }
+        Camera {
+            position,
+            right,
+            down,
+            forward,
+            focal: self.focal,
+            center,
+        }
     }
 }
 
@@ -153,7 +174,12 @@ mod tests {
     use super::*;
 
     fn plan(seed: u64) -> Plan {
-        let manner = Manner { wander: 0.4, shake: 2.0, climb: 0.2, yaw: 0.1 };
+        let manner = Manner {
+            wander: 0.4,
+            shake: 2.0,
+            climb: 0.2,
+            yaw: 0.1,
+        };
         Plan::new((640.0, 360.0), 50.0, 680.0, manner, &mut Rng::new(seed, 2))
     }
 
@@ -161,9 +187,11 @@ mod tests {
     fn the_basis_is_orthonormal_and_a_pixel_goes_to_the_ground_and_back() {
         for seed in 0..20 {
             let camera = plan(seed).pose(seed as f32 * 0.7, v3(3.0, -4.0, 0.8));
-            for (a, b) in
-                [(camera.right, camera.down), (camera.down, camera.forward), (camera.forward, camera.right)]
-            {
+            for (a, b) in [
+                (camera.right, camera.down),
+                (camera.down, camera.forward),
+                (camera.forward, camera.right),
+            ] {
                 assert!(a.dot(b).abs() < 1e-5 && (a.length() - 1.0).abs() < 1e-5);
             }
             let (x, y, _) = camera.project(camera.ground(200.0, 300.0));
@@ -177,7 +205,11 @@ mod tests {
         let target = v3(0.0, 0.0, 1.0);
         let (x, y, _) = plan.pose(0.0, target).project(target);
         assert!((x - 320.0).abs() < 140.0 && (y - 180.0).abs() < 80.0);
-        plan.exits.push(Exit { from: 4.0, until: 5.0, side: 1.0 });
+        plan.exits.push(Exit {
+            from: 4.0,
+            until: 5.0,
+            side: 1.0,
+        });
         let (x, _, _) = plan.pose(4.5, target).project(target);
         assert!(x > 740.0, "{x}");
     }

@@ -55,7 +55,12 @@ impl Flight {
     pub(crate) fn box_in(&self, actor: usize, seconds: f32, camera: &Camera) -> TruthBox {
         let mesh = self.actors[actor].mesh(seconds);
         let b = Frame::bounds(&mesh, &self.stand(actor, seconds, camera), camera);
-        TruthBox { x: b.0, y: b.1, w: b.2 - b.0, h: b.3 - b.1 }
+        TruthBox {
+            x: b.0,
+            y: b.1,
+            w: b.2 - b.0,
+            h: b.3 - b.1,
+        }
     }
 
     pub(crate) fn box_of(&self, actor: usize, seconds: f32) -> TruthBox {
@@ -67,23 +72,39 @@ impl Flight {
         let camera = self.camera(seconds);
         let (width, height) = (self.config.width, self.config.height);
         let mut frame = Frame::new(width, height);
-        self.map.draw(&camera, &self.palette, |d| self.haze_at(d), seconds, width, &mut frame.pixels);
+        self.map.draw(
+            &camera,
+            &self.palette,
+            |d| self.haze_at(d),
+            seconds,
+            width,
+            &mut frame.pixels,
+        );
         let sees = |at: V3, radius: f32, tall: f32| {
             let p = camera.project(at + v3(0.0, 0.0, 0.5 * tall));
             let reach = camera.focal / p.2 * (radius + 0.5 * tall) + 2.0;
             let ahead = (at - camera.position).dot(camera.forward) > 1.0;
-            let inside =
-                p.0 > -reach && p.1 > -reach && p.0 < width as f32 + reach && p.1 < height as f32 + reach;
+            let inside = p.0 > -reach
+                && p.1 > -reach
+                && p.0 < width as f32 + reach
+                && p.1 < height as f32 + reach;
             (ahead && inside).then_some(p.2)
         };
 
         // Moving things: wakes and shadows first, on the ground.
         let mut order: Vec<(f32, Drawn)> = Vec::new();
-        let mut truth =
-            Truth { bbox: self.box_in(0, seconds, &camera), visible: 0.0, distractors: Vec::new() };
+        let mut truth = Truth {
+            bbox: self.box_in(0, seconds, &camera),
+            visible: 0.0,
+            distractors: Vec::new(),
+        };
         for i in 0..self.actors.len() {
             let mut stand = self.stand(i, seconds, &camera);
-            let reach = if self.actors[i].kind == TargetKind::Boat { 18.0 } else { 14.0 };
+            let reach = if self.actors[i].kind == TargetKind::Boat {
+                18.0
+            } else {
+                14.0
+            };
             let depth = sees(stand.at, reach, 2.0);
             if depth.is_none() && i > 0 {
                 continue;
@@ -93,7 +114,12 @@ impl Flight {
             if i > 0 && self.actors[i].kind.alike(self.actors[0].kind) {
                 let b = Frame::bounds(&mesh, &stand, &camera);
                 if b.2 > 0.0 && b.3 > 0.0 && b.0 < width as f32 && b.1 < height as f32 {
-                    truth.distractors.push(TruthBox { x: b.0, y: b.1, w: b.2 - b.0, h: b.3 - b.1 });
+                    truth.distractors.push(TruthBox {
+                        x: b.0,
+                        y: b.1,
+                        w: b.2 - b.0,
+                        h: b.3 - b.1,
+                    });
                 }
             }
             if i > 0 || (show.target && show.shade) {
@@ -104,7 +130,10 @@ impl Flight {
         }
         for (i, s) in self.layout.standing.iter().enumerate() {
             let at = v3(
-                nearest_copy(s.at.x, camera.position.x + camera.forward.x * self.plan.distance),
+                nearest_copy(
+                    s.at.x,
+                    camera.position.x + camera.forward.x * self.plan.distance,
+                ),
                 s.at.y,
                 0.0,
             );
@@ -128,26 +157,46 @@ impl Flight {
                 largest[tree.crown] = largest[tree.crown].max(camera.focal / depth * tree.radius);
             }
         }
-        let drawn = |(crown, &size): (&Crown, &f32)| (size > 0.0).then(|| frame.sprite(crown, &camera, size));
+        let drawn = |(crown, &size): (&Crown, &f32)| {
+            (size > 0.0).then(|| frame.sprite(crown, &camera, size))
+        };
         let sprites: Vec<_> = self.crowns.iter().zip(&largest).map(drawn).collect();
         for (_, drawn) in order {
             match drawn {
                 Drawn::Actor(0, ..) if !show.target => {}
-                Drawn::Actor(i, mesh, stand) => frame.mesh(&mesh, &stand, &camera, &self.palette, i == 0),
+                Drawn::Actor(i, mesh, stand) => {
+                    frame.mesh(&mesh, &stand, &camera, &self.palette, i == 0)
+                }
                 Drawn::Standing(i, at) => {
                     let s = &self.layout.standing[i];
                     let haze = self.haze_at((at - camera.position).length());
                     match &s.thing {
                         Thing::Mesh(m) => {
-                            let stand = Stand { at, heading: s.heading, shade: 0.0, haze };
-                            frame.mesh(&self.layout.meshes[*m], &stand, &camera, &self.palette, false);
+                            let stand = Stand {
+                                at,
+                                heading: s.heading,
+                                shade: 0.0,
+                                haze,
+                            };
+                            frame.mesh(
+                                &self.layout.meshes[*m],
+                                &stand,
+                                &camera,
+                                &self.palette,
+                                false,
+                            );
                         }
                         Thing::Tree(tree) => {
                             for (z, radius) in tree.crowns() {
                                 let p = camera.project(at + v3(0.0, 0.0, z));
                                 if let Some(sprite) = &sprites[tree.crown] {
                                     let size = camera.focal / p.2 * radius;
-                                    frame.stamp(sprite, (p.0, p.1), size, (self.palette.haze, haze));
+                                    frame.stamp(
+                                        sprite,
+                                        (p.0, p.1),
+                                        size,
+                                        (self.palette.haze, haze),
+                                    );
                                 }
                             }
                         }
@@ -171,12 +220,16 @@ impl Flight {
         let below: Vec<_> = order
             .iter()
             .filter_map(|(depth, drawn)| match drawn {
-                Drawn::Actor(_, mesh, stand) => Some((*depth, spot(stand.at, *depth, mesh.bounds().0 + 2.0))),
+                Drawn::Actor(_, mesh, stand) => {
+                    Some((*depth, spot(stand.at, *depth, mesh.bounds().0 + 2.0)))
+                }
                 Drawn::Standing(..) => None,
             })
             .collect();
         for (depth, drawn) in order.iter_mut() {
-            let Drawn::Standing(i, at) = drawn else { continue };
+            let Drawn::Standing(i, at) = drawn else {
+                continue;
+            };
             let s = &self.layout.standing[*i];
             let Thing::Mesh(m) = s.thing else { continue };
             if !s.over {
@@ -187,7 +240,11 @@ impl Flight {
             let meets = |&&(_, (ox, oy, r)): &&(f32, (f32, f32, f32))| {
                 (x - ox) * (x - ox) + (y - oy) * (y - oy) < (reach + r) * (reach + r)
             };
-            let nearest = below.iter().filter(meets).map(|b| b.0).fold(f32::MAX, f32::min);
+            let nearest = below
+                .iter()
+                .filter(meets)
+                .map(|b| b.0)
+                .fold(f32::MAX, f32::min);
             *depth = depth.min(nearest - 0.01);
         }
     }
@@ -204,8 +261,11 @@ impl Flight {
         let (length, count) = if boat { (3.2, 150) } else { (1.1, 26) };
         let slant = (-camera.forward.z).clamp(0.3, 1.0);
         let center_x = self.actors[0].route.x_at(seconds);
-        let color =
-            if boat { [236.0, 241.0, 242.0] } else { mix(self.palette.soil, self.palette.haze, 0.55) };
+        let color = if boat {
+            [236.0, 241.0, 242.0]
+        } else {
+            mix(self.palette.soil, self.palette.haze, 0.55)
+        };
         let back = match &a.body {
             actors::Body::Solid(mesh) => mesh.bounds().0 * 0.85 / speed,
             actors::Body::Person(_) => 0.0,
@@ -223,11 +283,23 @@ impl Flight {
             let (side, radius, strength) = if boat && i % 3 != 0 {
                 // The arms of the bow wave.
                 let arm = if i % 3 == 1 { 1.0 } else { -1.0 };
-                (arm * (0.7 + 0.30 * age * speed.min(6.0)), 0.36 + 0.25 * chance(1) + 0.25 * age, 0.36 * fade)
+                (
+                    arm * (0.7 + 0.30 * age * speed.min(6.0)),
+                    0.36 + 0.25 * chance(1) + 0.25 * age,
+                    0.36 * fade,
+                )
             } else if boat {
-                ((chance(2) - 0.5) * (1.0 + age), 0.45 + 0.5 * chance(1) + 0.25 * age, 0.5 * fade * fade)
+                (
+                    (chance(2) - 0.5) * (1.0 + age),
+                    0.45 + 0.5 * chance(1) + 0.25 * age,
+                    0.5 * fade * fade,
+                )
             } else {
-                ((chance(2) - 0.5) * (1.2 + 2.0 * age), 0.9 + 1.8 * age, 0.16 * fade)
+                (
+                    (chance(2) - 0.5) * (1.2 + 2.0 * age),
+                    0.9 + 1.8 * age,
+                    0.16 * fade,
+                )
             };
             let p = p + v3(-sin * side, cos * side, if boat { 0.0 } else { 0.3 + age });
             let (x, y, depth) = camera.project(p);
@@ -246,7 +318,15 @@ impl Flight {
     /// Equal flights give equal bytes for equal indices, in whatever order they are asked for: only integer and IEEE
     /// basic operations take part. `out` is resized to the flight's view if it has another size.
     pub fn render(&self, index: usize, out: &mut FrameBuffer) -> Truth {
-        self.render_with(index, out, Show { target: true, shade: true, lens: true })
+        self.render_with(
+            index,
+            out,
+            Show {
+                target: true,
+                shade: true,
+                lens: true,
+            },
+        )
     }
 
     pub(crate) fn render_with(&self, index: usize, out: &mut FrameBuffer, show: Show) -> Truth {
@@ -255,9 +335,19 @@ impl Flight {
         out.width = self.config.width;
         out.height = self.config.height;
         out.data.resize(3 * out.width * out.height, 0);
-        let noise =
-            if show.lens { self.config.noise.unwrap_or(self.preset.noise).clamp(0.0, 60.0) } else { 0.0 };
-        let smear = if show.lens { self.smear(seconds) } else { (0.0, 0.0) };
+        let noise = if show.lens {
+            self.config
+                .noise
+                .unwrap_or(self.preset.noise)
+                .clamp(0.0, 60.0)
+        } else {
+            0.0
+        };
+        let smear = if show.lens {
+            self.smear(seconds)
+        } else {
+            (0.0, 0.0)
+        };
         crate::lens::develop(
             &frame.pixels,
             frame.width,

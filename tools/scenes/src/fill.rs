@@ -63,20 +63,37 @@ mod tests {
     #[test]
     fn a_rectangle_covers_exactly_its_pixels_and_is_clipped() {
         let mut area = 0;
-        polygon(&[(2.0, 3.0), (7.0, 3.0), (7.0, 5.0), (2.0, 5.0)], 100, 100, |y, a, b| {
-            assert!((3..5).contains(&y) && (a, b) == (2, 7));
-            area += b - a;
-        });
+        polygon(
+            &[(2.0, 3.0), (7.0, 3.0), (7.0, 5.0), (2.0, 5.0)],
+            100,
+            100,
+            |y, a, b| {
+                assert!((3..5).contains(&y) && (a, b) == (2, 7));
+                area += b - a;
+            },
+        );
         assert_eq!(area, 10);
-        polygon(&[(-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)], 4, 4, |_, a, b| area += b - a);
+        polygon(
+            &[(-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)],
+            4,
+            4,
+            |_, a, b| area += b - a,
+        );
         assert_eq!(area, 26);
-        polygon(&[(f32::NAN, 0.0), (1e30, -1e30), (1e30, 9.0)], 4, 4, |_, _, _| ());
+        polygon(
+            &[(f32::NAN, 0.0), (1e30, -1e30), (1e30, 9.0)],
+            4,
+            4,
+            |_, _, _| (),
+        );
     }
 
     #[test]
     fn a_disc_has_its_area() {
         let mut area = 0;
-        ellipse((50.0, 50.0), (20.0, 10.0), 100, 100, |_, a, b| area += b - a);
+        ellipse((50.0, 50.0), (20.0, 10.0), 100, 100, |_, a, b| {
+            area += b - a
+        });
         assert!((area as f32 - std::f32::consts::PI * 200.0).abs() < 15.0);
     }
 }

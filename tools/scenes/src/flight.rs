@@ -49,7 +49,12 @@ impl Flight {
         let (extent, texel) = flight.extent();
         let mut map = Map::new(extent, texel);
         flight.cast_shadows(&mut map);
-        map.paint(&Painter::new(&flight.land, &flight.palette, map.texel, flight.salt));
+        map.paint(&Painter::new(
+            &flight.land,
+            &flight.palette,
+            map.texel,
+            flight.salt,
+        ));
         flight.map = map;
         flight
     }
@@ -68,7 +73,14 @@ impl Flight {
         let preset = Preset::of(config.difficulty);
         let count = config.distractors.unwrap_or(preset.distractors).min(64);
         let twins = config.twins.unwrap_or(preset.twins);
-        let actors = actors::cast(&land, kind, preset.pace, count, twins, &mut Rng::new(seed, 4));
+        let actors = actors::cast(
+            &land,
+            kind,
+            preset.pace,
+            count,
+            twins,
+            &mut Rng::new(seed, 4),
+        );
 
         // How far away: so that the target has a good size in the view.
         let size = (config.width as f32, config.height as f32);
@@ -79,14 +91,24 @@ impl Flight {
             let (radius, height) = mesh.bounds();
             (2.0 * radius).max(height)
         };
-        let wished = if small { rng.range(30.0, 52.0) } else { rng.range(46.0, 88.0) };
+        let wished = if small {
+            rng.range(30.0, 52.0)
+        } else {
+            rng.range(46.0, 88.0)
+        };
         let scale = (size.0 / 640.0).min(size.1 / 360.0);
-        let wished = (wished * scale).max(22.0).min(110.0f32.max(wished)).min(0.42 * size.0.min(size.1));
+        let wished = (wished * scale)
+            .max(22.0)
+            .min(110.0f32.max(wished))
+            .min(0.42 * size.0.min(size.1));
         let distance = (reach * focal / wished.max(0.5)).min(600.0);
         let plan = Plan::new(size, distance, focal, preset.manner, &mut Rng::new(seed, 5));
         let haze = rng.range(preset.haze.0, preset.haze.1);
         let aim = if small { 0.9 } else { 0.7 };
-        let empty = Extent { x: (0.0, 8.0), y: (0.0, 8.0) };
+        let empty = Extent {
+            x: (0.0, 8.0),
+            y: (0.0, 8.0),
+        };
         let mut flight = Flight {
             config,
             land,
@@ -145,11 +167,19 @@ impl Flight {
         let (mut at, mut turn) = (rng.range(3.2, 4.0), 0);
         while at < last - 0.5 && occlusions.len() + self.plan.exits.len() < 24 {
             if self.preset.exits && turn % 2 == 1 {
-                self.plan.exits.push(Exit { from: at + 0.6, until: at + 1.3, side: rng.sign() });
+                self.plan.exits.push(Exit {
+                    from: at + 0.6,
+                    until: at + 1.3,
+                    side: rng.sign(),
+                });
                 at += rng.range(4.0, 5.5);
             } else if self.preset.occlusions {
                 occlusions.push(at);
-                at += if self.preset.exits { rng.range(2.2, 2.8) } else { rng.range(7.0, 9.0) };
+                at += if self.preset.exits {
+                    rng.range(2.2, 2.8)
+                } else {
+                    rng.range(7.0, 9.0)
+                };
             } else {
                 break;
             }
@@ -158,13 +188,19 @@ impl Flight {
         let (extent, _) = self.extent();
         let layout_rng = Rng::new(seed, 7);
         let salt = self.salt;
-        let mut builder =
-            Builder { land: &self.land, extent, rng: layout_rng, salt, layout: Layout::default() };
+        let mut builder = Builder {
+            land: &self.land,
+            extent,
+            rng: layout_rng,
+            salt,
+            layout: Layout::default(),
+        };
         let first_x = self.actors[0].route.x_at(0.0);
         for &seconds in &occlusions {
             // The country repeats: an occluder too near to where the flight began would be met at the start.
             let x = self.actors[0].route.x_at(seconds);
-            if (x - first_x).abs() < PERIOD - 100.0 && self.occlude(&mut builder, seconds, &mut rng) {
+            if (x - first_x).abs() < PERIOD - 100.0 && self.occlude(&mut builder, seconds, &mut rng)
+            {
                 self.occlusions.push(seconds);
             }
         }
@@ -181,10 +217,16 @@ impl Flight {
     /// The ground that the flight will see, and the size of a pixel on it where it is nearest.
     fn extent(&self) -> (Extent, f32) {
         let (width, height) = self.plan.size;
-        let mut extent = Extent { x: (f32::MAX, f32::MIN), y: (f32::MAX, f32::MIN) };
+        let mut extent = Extent {
+            x: (f32::MAX, f32::MIN),
+            y: (f32::MAX, f32::MIN),
+        };
         let mut nearest = f32::MAX;
         let step = (self.config.frames / 400).max(3);
-        for index in (0..self.config.frames).step_by(step).chain([self.config.frames - 1]) {
+        for index in (0..self.config.frames)
+            .step_by(step)
+            .chain([self.config.frames - 1])
+        {
             let camera = self.camera(self.seconds(index));
             for (x, y) in [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)] {
                 let p = camera.ground(x, y);
@@ -196,7 +238,10 @@ impl Flight {
         }
         // A country much deeper than a period is only seen as haze.
         let middle = 0.5 * (extent.y.0 + extent.y.1);
-        extent.y = (extent.y.0.max(middle - PERIOD), extent.y.1.min(middle + PERIOD));
+        extent.y = (
+            extent.y.0.max(middle - PERIOD),
+            extent.y.1.min(middle + PERIOD),
+        );
         (extent, nearest.clamp(0.02, 2.0))
     }
 
@@ -206,13 +251,15 @@ impl Flight {
         let mesh = self.actors[0].mesh(seconds);
         let (radius, tall) = mesh.bounds();
         let target = self.actors[0].route.at(&self.land, seconds) + v3(0.0, 0.0, 0.5 * tall);
-        let on_sight =
-            |z: f32| target + (camera.position - target) * ((z - target.z) / (camera.position.z - target.z));
+        let on_sight = |z: f32| {
+            target + (camera.position - target) * ((z - target.z) / (camera.position.z - target.z))
+        };
         // Whatever hides it then must not do so at the start.
         let first = self.camera(0.0).position;
         let start = self.actors[0].route.at(&self.land, 0.0) + v3(0.0, 0.0, 0.5 * tall);
         let clear = |z: f32, reach: f32| {
-            let apart = on_sight(z) - (start + (first - start) * ((z - start.z) / (first.z - start.z)));
+            let apart =
+                on_sight(z) - (start + (first - start) * ((z - start.z) / (first.z - start.z)));
             apart.x.abs() > radius + reach + 1.0
         };
         let crown = (1.5 * radius + 0.5).max(2.2);
@@ -225,15 +272,23 @@ impl Flight {
             return true;
         }
         let small = self.actors[0].kind.on_foot_or_bicycle();
-        let z = (tall + if small { 1.8 } else { 3.0 }).max(4.2).min(0.4 * camera.position.z).max(tall + 1.2);
+        let z = (tall + if small { 1.8 } else { 3.0 })
+            .max(4.2)
+            .min(0.4 * camera.position.z)
+            .max(tall + 1.2);
         let look = (target - camera.position).unit();
         let slide = 0.5 * tall / -look.z.min(-0.2);
-        let half = radius + if small { slide + 0.7 } else { slide * look.x.abs() + 1.4 };
+        let half = radius
+            + if small {
+                slide + 0.7
+            } else {
+                slide * look.x.abs() + 1.4
+            };
         if camera.position.z < z + 2.0 || !clear(z, half) {
             return false;
         }
-        let strolling =
-            matches!(self.land.biome, Biome::Park | Biome::Coast) || self.target() == TargetKind::Person;
+        let strolling = matches!(self.land.biome, Biome::Park | Biome::Coast)
+            || self.target() == TargetKind::Person;
         if small && strolling {
             builder.canopy(on_sight(z.min(tall + 1.2)), half);
         } else {
@@ -268,7 +323,11 @@ impl Flight {
                 if s.planned || (keep && !start) {
                     return true;
                 }
-                let middle = v3(nearest_copy(s.at.x, camera.position.x), s.at.y, 0.5 * height);
+                let middle = v3(
+                    nearest_copy(s.at.x, camera.position.x),
+                    s.at.y,
+                    0.5 * height,
+                );
                 let p = camera.project(middle);
                 let size = camera.focal / p.2 * (radius.max(0.5 * height) + reach);
                 let (dx, dy) = (p.0 - at.0, p.1 - at.1);
@@ -281,7 +340,13 @@ impl Flight {
     fn clear_start(&mut self) {
         let sights: Vec<_> = [0usize, 6, 12, 18]
             .iter()
-            .map(|&i| (self.seconds(i), self.camera(self.seconds(i)), self.box_of(0, self.seconds(i))))
+            .map(|&i| {
+                (
+                    self.seconds(i),
+                    self.camera(self.seconds(i)),
+                    self.box_of(0, self.seconds(i)),
+                )
+            })
             .collect();
         let touches = |actor: usize| {
             sights.iter().any(|(seconds, camera, b)| {
@@ -292,7 +357,9 @@ impl Flight {
                     && b.y < o.y + o.h + 2.0
             })
         };
-        let keep: Vec<bool> = (0..self.actors.len()).map(|i| i == 0 || !touches(i)).collect();
+        let keep: Vec<bool> = (0..self.actors.len())
+            .map(|i| i == 0 || !touches(i))
+            .collect();
         let mut keep = keep.iter();
         self.actors.retain(|_| *keep.next().unwrap_or(&true));
     }
@@ -301,13 +368,21 @@ impl Flight {
         let sun = self.palette.sun;
         for s in &self.layout.standing {
             // A shadow may fall into the map from just outside of it, or from its other end.
-            for at in [s.at, s.at - v3(PERIOD, 0.0, 0.0), s.at + v3(PERIOD, 0.0, 0.0)] {
+            for at in [
+                s.at,
+                s.at - v3(PERIOD, 0.0, 0.0),
+                s.at + v3(PERIOD, 0.0, 0.0),
+            ] {
                 match &s.thing {
                     Thing::Mesh(i) => {
                         for face in &self.layout.meshes[*i].faces {
                             let normal = face.normal.turned(s.heading.0, s.heading.1);
                             if normal.dot(sun) > 0.0 {
-                                map.cast(face.corners.map(|c| c.turned(s.heading.0, s.heading.1) + at), sun);
+                                map.cast(
+                                    face.corners
+                                        .map(|c| c.turned(s.heading.0, s.heading.1) + at),
+                                    sun,
+                                );
                             }
                         }
                     }
@@ -333,13 +408,18 @@ fn choose(config: &FlightConfig, rng: &mut Rng) -> (Biome, TargetKind) {
     let biome = match (config.biome, config.target) {
         (Some(biome), _) => biome,
         (None, Some(kind)) => {
-            let at_home: Vec<Biome> =
-                Biome::ALL.into_iter().filter(|&b| TargetKind::of(b).contains(&kind)).collect();
+            let at_home: Vec<Biome> = Biome::ALL
+                .into_iter()
+                .filter(|&b| TargetKind::of(b).contains(&kind))
+                .collect();
             rng.pick(&at_home)
         }
         (None, None) => drawn,
     };
     let drawn = rng.pick(TargetKind::of(biome));
-    let kind = config.target.filter(|&kind| fits(biome, kind)).unwrap_or(drawn);
+    let kind = config
+        .target
+        .filter(|&kind| fits(biome, kind))
+        .unwrap_or(drawn);
     (biome, kind)
 }

@@ -28,8 +28,10 @@ impl Builder<'_> {
     fn scatter(&mut self, spacing: f32, chance: f32, clear: f32, ok: impl Fn(f32, f32) -> bool) {
         let conifers = [0.0, 0.15, 0.6, 0.95][self.rng.below(4)];
         let width = (self.extent.x.1 - self.extent.x.0 + 24.0).min(PERIOD);
-        let (nx, ny) =
-            ((width / spacing) as i32, ((self.extent.y.1 - self.extent.y.0 + 24.0) / spacing) as i32);
+        let (nx, ny) = (
+            (width / spacing) as i32,
+            ((self.extent.y.1 - self.extent.y.0 + 24.0) / spacing) as i32,
+        );
         for j in 0..ny {
             for i in 0..nx {
                 let x = self.extent.x.0 - 12.0 + (i as f32 + self.rng.range(-0.25, 1.1)) * spacing;
@@ -70,8 +72,11 @@ impl Builder<'_> {
                 continue;
             }
             for k in 0..2 {
-                let size =
-                    v3(self.rng.range(14.0, 22.0), self.rng.range(9.0, 12.0), self.rng.range(4.0, 6.0));
+                let size = v3(
+                    self.rng.range(14.0, 22.0),
+                    self.rng.range(9.0, 12.0),
+                    self.rng.range(4.0, 6.0),
+                );
                 let barn = buildings::house(&mut self.rng, size, true);
                 let t = t + side * self.rng.range(4.0, 12.0);
                 self.place(x + 22.0 - 44.0 * k as f32, t, k == 0, barn);
@@ -81,7 +86,10 @@ impl Builder<'_> {
             self.park(TargetKind::Car, x + 8.0, t - side * 4.0, true);
             self.park(TargetKind::Van, x - 9.5, t - side * 3.0, true);
             for _ in 0..6 {
-                let (x, t) = (x + self.rng.range(-26.0, 26.0), t + side * self.rng.range(-7.0, 22.0));
+                let (x, t) = (
+                    x + self.rng.range(-26.0, 26.0),
+                    t + side * self.rng.range(-7.0, 22.0),
+                );
                 if self.free(x, t, 2.0) && self.land.clearance(x, t) > 2.5 {
                     let tree = Tree::round(&mut self.rng, CROWNS);
                     self.tree(x, t, tree);
@@ -103,7 +111,15 @@ impl Builder<'_> {
                 let t = side * (t + self.rng.range(0.0, 0.8));
                 if stretch && self.land.clearance(x, t) > 1.6 && self.free(x, t, 1.5) {
                     let tree = Tree::round(&mut self.rng, CROWNS);
-                    self.tree(x, t, Tree { radius: tree.radius * 0.85, height: tree.height * 0.95, ..tree });
+                    self.tree(
+                        x,
+                        t,
+                        Tree {
+                            radius: tree.radius * 0.85,
+                            height: tree.height * 0.95,
+                            ..tree
+                        },
+                    );
                 }
             }
         }
@@ -152,13 +168,21 @@ impl Builder<'_> {
     }
 
     fn town(&mut self) {
-        let Some((gap, depth)) = self.land.blocks else { return };
+        let Some((gap, depth)) = self.land.blocks else {
+            return;
+        };
         let street = self.land.along[0];
         let rows = ((self.extent.y.1 - self.extent.y.0) / depth) as i32 / 2 + 2;
         for column in 0..(PERIOD / gap).round() as i32 {
             for row in -rows.min(3)..rows.min(3) {
                 let corner = (gap * (column as f32 + 0.5), depth * row as f32);
-                let block = Block::of(corner.0 + 0.5 * gap, corner.1 + 0.5 * depth, gap, depth, self.salt);
+                let block = Block::of(
+                    corner.0 + 0.5 * gap,
+                    corner.1 + 0.5 * depth,
+                    gap,
+                    depth,
+                    self.salt,
+                );
                 match block.kind {
                     BlockKind::Houses => {
                         for plot in 0..(gap / PLOT) as i32 {
@@ -171,7 +195,12 @@ impl Builder<'_> {
                                     let turned = self.rng.chance(0.25);
                                     self.house(x, t, turned);
                                     if self.rng.chance(0.5) {
-                                        self.park(TargetKind::Car, x - 0.42 * PLOT, t + back * 6.0, true);
+                                        self.park(
+                                            TargetKind::Car,
+                                            x - 0.42 * PLOT,
+                                            t + back * 6.0,
+                                            true,
+                                        );
                                     }
                                 }
                             }
@@ -185,8 +214,10 @@ impl Builder<'_> {
                                 self.rng.pick(&[4.0, 7.0, 10.0]),
                             );
                             let mesh = buildings::flats(&mut self.rng, size);
-                            let (x, t) =
-                                (corner.0 + gap * k, corner.1 + depth * (0.5 + self.rng.range(-0.1, 0.1)));
+                            let (x, t) = (
+                                corner.0 + gap * k,
+                                corner.1 + depth * (0.5 + self.rng.range(-0.1, 0.1)),
+                            );
                             self.place(x, t, self.salt & 1 == 0, mesh);
                         }
                     }
@@ -208,7 +239,9 @@ impl Builder<'_> {
             }
         }
         let off_junction = |land: &Land, x: f32| {
-            land.across.iter().all(|r| (nearest_copy(r.at, x) - x).abs() > r.half + r.walk + 6.0)
+            land.across
+                .iter()
+                .all(|r| (nearest_copy(r.at, x) - x).abs() > r.half + r.walk + 6.0)
         };
         for side in [-1.0, 1.0] {
             for i in 0..(PERIOD / 6.4) as i32 {
@@ -217,7 +250,11 @@ impl Builder<'_> {
                     continue;
                 }
                 if self.rng.chance(0.42) {
-                    let kind = if self.rng.chance(0.15) { TargetKind::Van } else { TargetKind::Car };
+                    let kind = if self.rng.chance(0.15) {
+                        TargetKind::Van
+                    } else {
+                        TargetKind::Car
+                    };
                     self.park(kind, x, side * (street.half - 1.05), false);
                 }
                 let curb = side * (street.half + street.walk + 0.9);
@@ -226,7 +263,11 @@ impl Builder<'_> {
                     self.tree(
                         x + 3.0,
                         curb,
-                        Tree { radius: tree.radius * 0.62, height: tree.height * 0.8 + 0.8, ..tree },
+                        Tree {
+                            radius: tree.radius * 0.62,
+                            height: tree.height * 0.8 + 0.8,
+                            ..tree
+                        },
                     );
                 }
                 if i % 4 == 1 {
@@ -260,7 +301,9 @@ impl Builder<'_> {
                         self.place(x, -18.0, false, shed);
                     }
                     3 => {
-                        let kind = self.rng.pick(&[TargetKind::Van, TargetKind::Truck, TargetKind::Car]);
+                        let kind =
+                            self.rng
+                                .pick(&[TargetKind::Van, TargetKind::Truck, TargetKind::Car]);
                         let t = self.rng.range(-20.0, -11.0);
                         self.park(kind, x, t, self.salt & 2 == 0);
                     }
@@ -270,10 +313,21 @@ impl Builder<'_> {
                 // A jetty with boats on both sides.
                 for k in 0..4 {
                     let mut planks = Mesh::default();
-                    planks.cuboid((0.0, 0.0), v3(7.0, 1.9, 0.2), 0.7, coat([150.0, 122.0, 92.0], 0.0));
+                    planks.cuboid(
+                        (0.0, 0.0),
+                        v3(7.0, 1.9, 0.2),
+                        0.7,
+                        coat([150.0, 122.0, 92.0], 0.0),
+                    );
                     for p in 0..6 {
                         let x = -3.2 + 1.2 * p as f32;
-                        planks.lid((x, x + 0.08), (-0.95, 0.95), 0.915, [104.0, 84.0, 64.0], 0.0);
+                        planks.lid(
+                            (x, x + 0.08),
+                            (-0.95, 0.95),
+                            0.915,
+                            [104.0, 84.0, 64.0],
+                            0.0,
+                        );
                     }
                     let t = -1.0 + 7.0 * k as f32;
                     if !self
@@ -296,7 +350,11 @@ impl Builder<'_> {
                 }
             }
             if self.rng.chance(0.5) {
-                let t = if water.quay { self.rng.range(-9.0, -2.5) } else { self.rng.range(-12.0, -7.0) };
+                let t = if water.quay {
+                    self.rng.range(-9.0, -2.5)
+                } else {
+                    self.rng.range(-12.0, -7.0)
+                };
                 let x = x + self.rng.range(0.0, 6.0);
                 self.stand(x, t);
             }
@@ -307,7 +365,10 @@ impl Builder<'_> {
                 self.tree(
                     x,
                     road.at + road.half + road.walk + 1.4,
-                    Tree { radius: tree.radius * 0.6, ..tree },
+                    Tree {
+                        radius: tree.radius * 0.6,
+                        ..tree
+                    },
                 );
             }
         }
@@ -320,8 +381,18 @@ impl Builder<'_> {
             let side = self.rng.sign();
             if self.land.clearance(x, side * 2.9) > 0.5 {
                 let mut bench = Mesh::default();
-                bench.cuboid((0.0, 0.0), v3(1.8, 0.5, 0.1), 0.42, coat([136.0, 96.0, 62.0], 0.0));
-                bench.cuboid((0.0, side * 0.25), v3(1.8, 0.08, 0.45), 0.48, coat([126.0, 88.0, 56.0], 0.0));
+                bench.cuboid(
+                    (0.0, 0.0),
+                    v3(1.8, 0.5, 0.1),
+                    0.42,
+                    coat([136.0, 96.0, 62.0], 0.0),
+                );
+                bench.cuboid(
+                    (0.0, side * 0.25),
+                    v3(1.8, 0.08, 0.45),
+                    0.48,
+                    coat([126.0, 88.0, 56.0], 0.0),
+                );
                 self.place(x, side * 2.9, false, bench);
             }
             for _ in 0..self.rng.below(4) {

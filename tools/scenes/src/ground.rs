@@ -39,21 +39,41 @@ impl<'a> Painter<'a> {
     pub fn new(land: &'a Land, palette: &'a Palette, texel: f32, salt: u32) -> Painter<'a> {
         let shift = (hash_unit(1, 2, salt) * 512.0, hash_unit(3, 4, salt) * 512.0);
         let detail = floor(96.0 / (20.0 * texel)) as f32;
-        Painter { land, palette, texel, salt, noise: Noise::table(), detail, shift }
+        Painter {
+            land,
+            palette,
+            texel,
+            salt,
+            noise: Noise::table(),
+            detail,
+            shift,
+        }
     }
 
     /// Noise whose coarsest features are 96 / `m` meters wide; it repeats with the country.
     fn noise(&self, x: f32, y: f32, m: f32) -> f32 {
         let k = m * NOISE_SIDE as f32 / PERIOD;
-        self.noise.at(x * k + self.shift.0 + m, y * k + self.shift.1)
+        self.noise
+            .at(x * k + self.shift.0 + m, y * k + self.shift.1)
     }
 
     /// What all texels at one x share.
     pub fn column(&self, x: f32) -> Column {
         let slope = self.land.slope(x);
-        let near = self.land.across.iter().map(|r| (*r, nearest_copy(r.at, x) - x));
-        let across = near.filter(|(r, d)| d.abs() < r.half + r.walk + 2.5).collect();
-        Column { x, line: self.land.line(x), scale: 1.0 / (1.0 + slope * slope).sqrt(), across }
+        let near = self
+            .land
+            .across
+            .iter()
+            .map(|r| (*r, nearest_copy(r.at, x) - x));
+        let across = near
+            .filter(|(r, d)| d.abs() < r.half + r.walk + 2.5)
+            .collect();
+        Column {
+            x,
+            line: self.land.line(x),
+            scale: 1.0 / (1.0 + slope * slope).sqrt(),
+            across,
+        }
     }
 
     /// Color (unlit by any shadow) and share of open water, at a world point.
@@ -65,12 +85,27 @@ impl<'a> Painter<'a> {
         if self.detail > 90.0 {
             fine = 0.7 * fine + 0.6 * self.noise(x, y, self.detail);
         }
-        let grain = hash_unit((x / self.texel) as i32, (y / self.texel) as i32, self.salt) * 2.0 - 1.0;
-        let spot = Spot { x, t, slow, middle, fine, grain };
+        let grain =
+            hash_unit((x / self.texel) as i32, (y / self.texel) as i32, self.salt) * 2.0 - 1.0;
+        let spot = Spot {
+            x,
+            t,
+            slow,
+            middle,
+            fine,
+            grain,
+        };
         let (mut color, mut water) = self.base(&spot);
-        let across = column.across.iter().filter(|(r, _)| self.land.crosses(r, t));
+        let across = column
+            .across
+            .iter()
+            .filter(|(r, _)| self.land.crosses(r, t));
         let near_across = across.clone().any(|(r, d)| d.abs() < r.half + r.walk);
-        let near_along = self.land.along.iter().any(|r| (t - r.at).abs() < r.half + r.walk);
+        let near_along = self
+            .land
+            .along
+            .iter()
+            .any(|r| (t - r.at).abs() < r.half + r.walk);
         for (r, d) in across {
             self.road(&mut color, &mut water, &spot, r, *d, t, near_along);
         }
@@ -78,14 +113,24 @@ impl<'a> Painter<'a> {
             self.road(&mut color, &mut water, &spot, r, t - r.at, x, near_across);
         }
         let tint = self.palette.tint;
-        ([color[0] * tint[0], color[1] * tint[1], color[2] * tint[2]], water)
+        (
+            [color[0] * tint[0], color[1] * tint[1], color[2] * tint[2]],
+            water,
+        )
     }
 
     fn grass(&self, s: &Spot) -> Rgb {
         let p = self.palette;
-        let c = mix(p.grass[0], p.grass[1], (0.5 + 0.5 * s.slow + 0.5 * s.middle).clamp(0.0, 1.0));
+        let c = mix(
+            p.grass[0],
+            p.grass[1],
+            (0.5 + 0.5 * s.slow + 0.5 * s.middle).clamp(0.0, 1.0),
+        );
         let worn = smooth_step(0.55, 1.1, s.middle - 0.4 * s.slow);
-        scaled(mix(c, p.soil, 0.5 * worn), 1.0 + 0.13 * s.fine + 0.07 * s.grain)
+        scaled(
+            mix(c, p.soil, 0.5 * worn),
+            1.0 + 0.13 * s.fine + 0.07 * s.grain,
+        )
     }
 
     fn base(&self, s: &Spot) -> (Rgb, f32) {
@@ -94,8 +139,11 @@ impl<'a> Painter<'a> {
             Biome::Town => (self.town(s), 0.0),
             Biome::Coast => self.coast(s),
             Biome::Forest => {
-                let floor =
-                    mix(self.palette.floor, self.palette.soil, (0.25 + 0.5 * s.middle).clamp(0.0, 0.7));
+                let floor = mix(
+                    self.palette.floor,
+                    self.palette.soil,
+                    (0.25 + 0.5 * s.middle).clamp(0.0, 0.7),
+                );
                 let floor = scaled(floor, 1.0 + 0.22 * s.fine + 0.1 * s.grain);
                 let verge = smooth_step(9.0, 5.0, s.t.abs() + 2.0 * s.middle);
                 (mix(floor, self.grass(s), verge), 0.0)
@@ -129,8 +177,15 @@ impl<'a> Painter<'a> {
         let period = 0.7 + 1.1 * pick(3);
         let wave = |period: f32| (wrap(q / period, 1.0) - 0.5).abs() * 4.0 - 1.0;
         let depth = 0.13 * pick(4) * (period / (4.0 * self.texel)).min(1.0);
-        let mut c = scaled(crop, 1.0 + depth * wave(period) + 0.07 * s.fine + 0.05 * s.grain + 0.10 * s.slow);
-        c = mix(c, self.palette.soil, (0.32 * (s.middle + 0.4 * s.slow) - 0.05).clamp(0.0, 0.3));
+        let mut c = scaled(
+            crop,
+            1.0 + depth * wave(period) + 0.07 * s.fine + 0.05 * s.grain + 0.10 * s.slow,
+        );
+        c = mix(
+            c,
+            self.palette.soil,
+            (0.32 * (s.middle + 0.4 * s.slow) - 0.05).clamp(0.0, 0.3),
+        );
         let tram = wrap(q, 15.0) - 7.5;
         let rut = ((tram.abs() - 0.85).abs() - 0.22).max(0.0);
         c = mix(c, self.palette.soil, 0.5 * smooth_step(0.2, 0.0, rut));
@@ -139,7 +194,9 @@ impl<'a> Painter<'a> {
 
     /// Gardens, yards and car parks, by block and plot.
     fn town(&self, s: &Spot) -> Rgb {
-        let Some((gap, depth)) = self.land.blocks else { return self.grass(s) };
+        let Some((gap, depth)) = self.land.blocks else {
+            return self.grass(s);
+        };
         let block = Block::of(s.x, s.t, gap, depth, self.salt);
         let paved = scaled(
             mix(self.palette.concrete, [150.0, 132.0, 116.0], 0.35),
@@ -158,8 +215,11 @@ impl<'a> Painter<'a> {
                 mix(self.grass(s), tarmac, smooth_step(6.6, 6.9, inside))
             }
             BlockKind::Flats => {
-                let lawn = smooth_step(0.05, 0.25, s.slow + 0.3 * hash_unit(block.id, 7, self.salt));
-                let joint = self.line(wrap(s.x, 1.2) - 0.6, 0.08).max(self.line(wrap(s.t, 1.2) - 0.6, 0.08));
+                let lawn =
+                    smooth_step(0.05, 0.25, s.slow + 0.3 * hash_unit(block.id, 7, self.salt));
+                let joint = self
+                    .line(wrap(s.x, 1.2) - 0.6, 0.08)
+                    .max(self.line(wrap(s.t, 1.2) - 0.6, 0.08));
                 mix(mix(paved, scaled(paved, 0.86), joint), self.grass(s), lawn)
             }
             BlockKind::Houses => {
@@ -171,12 +231,27 @@ impl<'a> Painter<'a> {
                 let mut c = scaled(self.grass(s), 0.86 + 0.3 * garden);
                 if hash_unit(key, 9, self.salt) < 0.4 {
                     // A freshly mown lawn shows stripes.
-                    c = scaled(c, if (px / 1.1) as i32 % 2 == 0 { 1.05 } else { 0.96 });
+                    c = scaled(
+                        c,
+                        if (px / 1.1) as i32 % 2 == 0 {
+                            1.05
+                        } else {
+                            0.96
+                        },
+                    );
                 }
-                let drive = if hash_unit(key, 10, self.salt) < 0.5 { paved } else { self.asphalt(s, 1.05) };
-                c = mix(c, drive, smooth_step(1.7, 1.6, (px - 3.2).abs()) * smooth_step(8.0, 8.4, back));
-                let patio =
-                    smooth_step(3.0, 2.8, (px - 9.5).abs()) * smooth_step(2.3, 2.1, (back - 6.5).abs());
+                let drive = if hash_unit(key, 10, self.salt) < 0.5 {
+                    paved
+                } else {
+                    self.asphalt(s, 1.05)
+                };
+                c = mix(
+                    c,
+                    drive,
+                    smooth_step(1.7, 1.6, (px - 3.2).abs()) * smooth_step(8.0, 8.4, back),
+                );
+                let patio = smooth_step(3.0, 2.8, (px - 9.5).abs())
+                    * smooth_step(2.3, 2.1, (back - 6.5).abs());
                 c = mix(c, paved, patio * f32::from(u8::from(garden > 0.3)));
                 if hash_unit(key, 11, self.salt) < 0.12 {
                     let pool = smooth_step(2.0, 1.85, (px - 11.0).abs())
@@ -194,27 +269,56 @@ impl<'a> Painter<'a> {
     }
 
     fn coast(&self, s: &Spot) -> (Rgb, f32) {
-        let Some(w) = self.land.water else { return (self.grass(s), 0.0) };
+        let Some(w) = self.land.water else {
+            return (self.grass(s), 0.0);
+        };
         let p = self.palette;
-        let ragged = if w.quay { 0.0 } else { 3.0 * s.slow + 1.6 * s.middle };
+        let ragged = if w.quay {
+            0.0
+        } else {
+            3.0 * s.slow + 1.6 * s.middle
+        };
         // Meters out from the near bank, or from the far one where that is nearer.
         let out = (s.t - w.from + ragged).min(w.to - s.t + 3.0 * s.slow + 1.6 * s.middle);
         let near = s.t < w.from + 20.0;
         if out > 0.0 {
-            let shelf = if w.quay && near { 0.85 } else { smooth_step(0.0, 16.0, out + 3.0 * s.middle) };
-            let mut c = scaled(mix(p.shallow, p.deep, shelf), 1.0 + 0.06 * s.slow + 0.05 * s.fine);
+            let shelf = if w.quay && near {
+                0.85
+            } else {
+                smooth_step(0.0, 16.0, out + 3.0 * s.middle)
+            };
+            let mut c = scaled(
+                mix(p.shallow, p.deep, shelf),
+                1.0 + 0.06 * s.slow + 0.05 * s.fine,
+            );
             if !(w.quay && near) {
-                let foam = smooth_step(1.5, 0.2, (out - 0.8 - 1.2 * s.middle).abs() + 1.3 * s.fine.abs());
+                let foam = smooth_step(
+                    1.5,
+                    0.2,
+                    (out - 0.8 - 1.2 * s.middle).abs() + 1.3 * s.fine.abs(),
+                );
                 c = mix(c, [232.0, 236.0, 234.0], 0.75 * foam);
             }
-            let edge = if w.quay && near { smooth_step(0.0, 1.2, out) } else { 1.0 };
+            let edge = if w.quay && near {
+                smooth_step(0.0, 1.2, out)
+            } else {
+                1.0
+            };
             return (scaled(c, 0.6 + 0.4 * edge), (out / 1.5).clamp(0.0, 1.0));
         }
         let inland = -out;
         if w.quay && near {
-            let slab = self.line(wrap(s.x, 5.0) - 2.5, 0.1).max(self.line(wrap(s.t, 5.0) - 2.5, 0.1));
-            let mut c = scaled(p.concrete, 0.94 + 0.06 * s.middle + 0.05 * s.fine + 0.03 * s.grain);
-            c = scaled(c, 1.0 - 0.16 * slab - 0.22 * smooth_step(0.5, 1.0, s.middle));
+            let slab = self
+                .line(wrap(s.x, 5.0) - 2.5, 0.1)
+                .max(self.line(wrap(s.t, 5.0) - 2.5, 0.1));
+            let mut c = scaled(
+                p.concrete,
+                0.94 + 0.06 * s.middle + 0.05 * s.fine + 0.03 * s.grain,
+            );
+            c = scaled(
+                c,
+                1.0 - 0.16 * slab - 0.22 * smooth_step(0.5, 1.0, s.middle),
+            );
             c = mix(c, [206.0, 172.0, 60.0], 0.8 * self.line(inland - 1.6, 0.25));
             c = mix(c, [214.0, 210.0, 200.0], smooth_step(0.75, 0.65, inland));
             return (mix(self.grass(s), c, smooth_step(28.0, 27.8, inland)), 0.0);
@@ -225,13 +329,22 @@ impl<'a> Painter<'a> {
             1.0 + 0.06 * s.middle + 0.06 * s.fine + 0.05 * s.grain,
         );
         let depth = if near { 17.0 } else { 5.0 };
-        (mix(beach, self.grass(s), smooth_step(depth - 3.0, depth, inland + 2.5 * s.middle)), 0.0)
+        (
+            mix(
+                beach,
+                self.grass(s),
+                smooth_step(depth - 3.0, depth, inland + 2.5 * s.middle),
+            ),
+            0.0,
+        )
     }
 
     fn park(&self, s: &Spot) -> (Rgb, f32) {
         let stripe = floor((s.x + 0.4 * s.t) / 2.4) & 1;
         let lawn = scaled(self.grass(s), if stripe == 0 { 1.045 } else { 0.965 });
-        let Some((px, pt, radius)) = self.land.pond else { return (lawn, 0.0) };
+        let Some((px, pt, radius)) = self.land.pond else {
+            return (lawn, 0.0);
+        };
         let (dx, dt) = (nearest_copy(px, s.x) - s.x, s.t - pt);
         let inside = radius - (0.45 * dx * dx + dt * dt).sqrt() + 1.8 * s.middle;
         if inside < -2.0 {
@@ -245,7 +358,10 @@ impl<'a> Painter<'a> {
     }
 
     fn asphalt(&self, s: &Spot, k: f32) -> Rgb {
-        scaled(self.palette.asphalt, k * (1.0 + 0.05 * s.middle + 0.06 * s.fine + 0.05 * s.grain))
+        scaled(
+            self.palette.asphalt,
+            k * (1.0 + 0.05 * s.middle + 0.06 * s.fine + 0.05 * s.grain),
+        )
     }
 
     /// Coverage of a painted line `width` meters wide whose middle is `d` meters away.
@@ -255,15 +371,25 @@ impl<'a> Painter<'a> {
 
     /// Lays a road over what is there: `d` meters to the side of its middle, `s` meters along.
     #[allow(clippy::too_many_arguments)]
-    fn road(&self, c: &mut Rgb, water: &mut f32, spot: &Spot, r: &Road, d: f32, s: f32, junction: bool) {
+    fn road(
+        &self,
+        c: &mut Rgb,
+        water: &mut f32,
+        spot: &Spot,
+        r: &Road,
+        d: f32,
+        s: f32,
+        junction: bool,
+    ) {
         let a = d.abs();
         if a > r.half + r.walk + 2.5 {
             return;
         }
         let p = self.palette;
         if r.walk > 0.0 {
-            let slab =
-                self.line(wrap(s, 0.9) - 0.45, 0.06).max(self.line(wrap(a - r.half, 0.9) - 0.45, 0.06));
+            let slab = self
+                .line(wrap(s, 0.9) - 0.45, 0.06)
+                .max(self.line(wrap(a - r.half, 0.9) - 0.45, 0.06));
             let walk = scaled(
                 p.concrete,
                 1.0 - 0.14 * slab + 0.05 * spot.middle + 0.04 * spot.fine + 0.03 * spot.grain,
@@ -271,7 +397,11 @@ impl<'a> Painter<'a> {
             let edge = ((r.half + r.walk - a) / self.texel + 0.5).clamp(0.0, 1.0);
             if !junction {
                 *c = mix(*c, walk, edge);
-                *c = mix(*c, [196.0, 194.0, 188.0], self.line(a - r.half - 0.08, 0.18));
+                *c = mix(
+                    *c,
+                    [196.0, 194.0, 188.0],
+                    self.line(a - r.half - 0.08, 0.18),
+                );
             } else if a > r.half {
                 return;
             }
@@ -280,17 +410,28 @@ impl<'a> Painter<'a> {
             let dust = smooth_step(r.half + 1.3, r.half, a + 0.8 * spot.middle);
             *c = mix(
                 *c,
-                scaled(mix(p.soil, p.concrete, 0.4), 1.0 + 0.1 * spot.fine + 0.07 * spot.grain),
+                scaled(
+                    mix(p.soil, p.concrete, 0.4),
+                    1.0 + 0.1 * spot.fine + 0.07 * spot.grain,
+                ),
                 0.75 * dust,
             );
         }
-        let ragged = if r.walk > 0.0 { 0.0 } else { 0.18 * spot.middle + 0.12 * spot.fine };
+        let ragged = if r.walk > 0.0 {
+            0.0
+        } else {
+            0.18 * spot.middle + 0.12 * spot.fine
+        };
         let edge = ((r.half - a + ragged) / self.texel + 0.5).clamp(0.0, 1.0);
         if edge <= 0.0 {
             return;
         }
         *water *= 1.0 - edge;
-        let track = if r.marked { (a - r.lane).abs() } else { (a - 0.45 * r.half).abs() };
+        let track = if r.marked {
+            (a - r.lane).abs()
+        } else {
+            (a - 0.45 * r.half).abs()
+        };
         let track = smooth_step(0.5, 0.2, (track - 0.75).abs());
         let mut surface = match r.paving {
             Paving::Asphalt => {
@@ -307,7 +448,11 @@ impl<'a> Painter<'a> {
                     mix(p.soil, p.sand, 0.3),
                     1.06 + 0.10 * spot.middle + 0.12 * spot.fine + 0.07 * spot.grain,
                 );
-                mix(c, self.grass(spot), 0.7 * smooth_step(0.5, 0.2, a + 0.4 * spot.fine))
+                mix(
+                    c,
+                    self.grass(spot),
+                    0.7 * smooth_step(0.5, 0.2, a + 0.4 * spot.fine),
+                )
             }
             Paving::Gravel => scaled(
                 mix(p.sand, p.concrete, 0.5),
@@ -315,8 +460,16 @@ impl<'a> Painter<'a> {
             ),
         };
         if r.median > 0.0 {
-            surface = mix(surface, self.grass(spot), ((r.median - a) / self.texel + 0.5).clamp(0.0, 1.0));
-            surface = mix(surface, [186.0, 188.0, 190.0], self.line(a - r.median + 0.35, 0.2));
+            surface = mix(
+                surface,
+                self.grass(spot),
+                ((r.median - a) / self.texel + 0.5).clamp(0.0, 1.0),
+            );
+            surface = mix(
+                surface,
+                [186.0, 188.0, 190.0],
+                self.line(a - r.median + 0.35, 0.2),
+            );
         }
         if r.marked {
             let worn = 0.82 + 0.3 * spot.fine.min(0.0) + 0.2 * spot.middle.min(0.0);
@@ -329,7 +482,11 @@ impl<'a> Painter<'a> {
                     .max(self.line(a - inner - r.lane, 0.15) * dash(4.0, 12.0))
                     .max(self.line(a - inner - 2.0 * r.lane, 0.2))
             } else {
-                let sides = if r.walk > 0.0 { 0.0 } else { self.line(a - r.half + 0.3, 0.13) };
+                let sides = if r.walk > 0.0 {
+                    0.0
+                } else {
+                    self.line(a - r.half + 0.3, 0.13)
+                };
                 self.line(a, 0.14).max(0.0) * dash(3.0, 7.5) + sides
             };
             surface = mix(
@@ -343,20 +500,34 @@ impl<'a> Painter<'a> {
 
     /// Zebra crossings before the junctions of a town.
     fn zebra(&self, r: &Road, a: f32, s: f32, junction: bool) -> f32 {
-        let Some((gap, depth)) = self.land.blocks else { return 0.0 };
+        let Some((gap, depth)) = self.land.blocks else {
+            return 0.0;
+        };
         if junction || a > r.half - 0.25 {
             return 0.0;
         }
         // Meters from the middle of the nearest crossing road.
-        let along = self.land.along.iter().any(|k| k.at == r.at && k.half == r.half);
-        let off = if along { wrap(s - 0.5 * gap, gap) } else { wrap(s, depth) };
+        let along = self
+            .land
+            .along
+            .iter()
+            .any(|k| k.at == r.at && k.half == r.half);
+        let off = if along {
+            wrap(s - 0.5 * gap, gap)
+        } else {
+            wrap(s, depth)
+        };
         let off = off.min(if along { gap } else { depth } - off);
         let start = if along {
             self.land.across[0].half + self.land.across[0].walk
         } else {
             self.land.along[0].half + self.land.along[0].walk
         };
-        if (start + 0.5..start + 3.0).contains(&off) { self.line(wrap(a, 1.0) - 0.5, 0.5) } else { 0.0 }
+        if (start + 0.5..start + 3.0).contains(&off) {
+            self.line(wrap(a, 1.0) - 0.5, 0.5)
+        } else {
+            0.0
+        }
     }
 }
 
@@ -392,6 +563,11 @@ impl Block {
             k if k < 0.9 => BlockKind::Flats,
             _ => BlockKind::CarPark,
         };
-        Block { id, kind, x: shifted - i * gap, t: t - j * depth }
+        Block {
+            id,
+            kind,
+            x: shifted - i * gap,
+            t: t - j * depth,
+        }
     }
 }

@@ -63,7 +63,15 @@ pub(crate) struct Land {
 
 fn road(at: f32, half: f32, walk: f32, paving: Paving) -> Road {
     let marked = paving == Paving::Asphalt && half > 2.6;
-    Road { at, half, walk, lane: half * 0.5, paving, marked, median: 0.0 }
+    Road {
+        at,
+        half,
+        walk,
+        lane: half * 0.5,
+        paving,
+        marked,
+        median: 0.0,
+    }
 }
 
 impl Land {
@@ -85,7 +93,12 @@ impl Land {
             Biome::Farmland => {
                 for i in 0..4 {
                     let paving = rng.pick(&[Dirt, Dirt, Asphalt]);
-                    across.push(road(i as f32 * 192.0 + rng.range(20.0, 160.0), 2.3, 0.0, paving));
+                    across.push(road(
+                        i as f32 * 192.0 + rng.range(20.0, 160.0),
+                        2.3,
+                        0.0,
+                        paving,
+                    ));
                 }
                 vec![road(0.0, rng.range(2.9, 3.6), 0.0, Asphalt)]
             }
@@ -97,27 +110,50 @@ impl Land {
                 let (block, walk) = (rng.range(52.0, 66.0), rng.range(2.0, 3.2));
                 blocks = Some((gap, block));
                 // The main street has room for parked cars beside its two lanes.
-                let street = |k: f32| road(k * block, if k == 0.0 { 5.4 } else { 3.2 }, walk, Asphalt);
+                let street =
+                    |k: f32| road(k * block, if k == 0.0 { 5.4 } else { 3.2 }, walk, Asphalt);
                 let mut streets = [0.0, -2.0, -1.0, 1.0, 2.0].map(street).to_vec();
                 streets[0].lane = 1.7;
                 streets
             }
             Biome::Coast => {
                 let quay = rng.chance(0.5);
-                let far = if rng.chance(0.35) { rng.range(70.0, 130.0) } else { 1e6 };
-                water = Some(Water { from: 0.0, to: far, quay });
+                let far = if rng.chance(0.35) {
+                    rng.range(70.0, 130.0)
+                } else {
+                    1e6
+                };
+                water = Some(Water {
+                    from: 0.0,
+                    to: far,
+                    quay,
+                });
                 vec![road(if quay { -34.0 } else { -30.0 }, 3.3, 2.4, Asphalt)]
             }
             Biome::Forest => {
                 across.push(road(rng.range(0.0, PERIOD), 1.7, 0.0, Dirt));
                 let paving = rng.pick(&[Asphalt, Asphalt, Dirt]);
-                vec![road(0.0, if paving == Dirt { 2.3 } else { 3.0 }, 0.0, paving)]
+                vec![road(
+                    0.0,
+                    if paving == Dirt { 2.3 } else { 3.0 },
+                    0.0,
+                    paving,
+                )]
             }
             Biome::Park => {
                 for i in 0..8 {
-                    across.push(road(i as f32 * 96.0 + rng.range(10.0, 80.0), 1.4, 0.0, Gravel));
+                    across.push(road(
+                        i as f32 * 96.0 + rng.range(10.0, 80.0),
+                        1.4,
+                        0.0,
+                        Gravel,
+                    ));
                 }
-                pond = Some((rng.range(20.0, 140.0), -rng.range(19.0, 24.0), rng.range(8.0, 13.0)));
+                pond = Some((
+                    rng.range(20.0, 140.0),
+                    -rng.range(19.0, 24.0),
+                    rng.range(8.0, 13.0),
+                ));
                 vec![
                     road(0.0, 2.0, 0.0, Gravel),
                     road(rng.range(32.0, 44.0), 1.4, 0.0, Gravel),
@@ -130,12 +166,23 @@ impl Land {
                 vec![main, road(-rng.range(42.0, 60.0), 2.2, 0.0, Dirt)]
             }
         };
-        Land { biome, along, across, water, blocks, pond, waves }
+        Land {
+            biome,
+            along,
+            across,
+            water,
+            blocks,
+            pond,
+            waves,
+        }
     }
 
     /// y of the main line.
     pub fn line(&self, x: f32) -> f32 {
-        self.waves.iter().map(|&(k, a, p)| a * sin_turns(k * x / PERIOD + p)).sum()
+        self.waves
+            .iter()
+            .map(|&(k, a, p)| a * sin_turns(k * x / PERIOD + p))
+            .sum()
     }
 
     /// dy/dx of the main line.
@@ -188,7 +235,9 @@ impl Land {
     pub fn crosses(&self, road: &Road, t: f32) -> bool {
         match self.biome {
             Biome::Park => t > self.along[2].at && t < self.along[1].at,
-            Biome::Forest | Biome::Farmland => t * if road.at < 0.5 * PERIOD { 1.0 } else { -1.0 } > 0.0,
+            Biome::Forest | Biome::Farmland => {
+                t * if road.at < 0.5 * PERIOD { 1.0 } else { -1.0 } > 0.0
+            }
             _ => true,
         }
     }

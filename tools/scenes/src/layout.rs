@@ -112,9 +112,17 @@ impl Builder<'_> {
         let body = Body::new(kind, &mut self.rng);
         let h = self.land.heading(x);
         let s = self.rng.sign();
-        let facing = if across { (-h.y * s, h.x * s) } else { (h.x * s, h.y * s) };
+        let facing = if across {
+            (-h.y * s, h.x * s)
+        } else {
+            (h.x * s, h.y * s)
+        };
         self.layout.taken.push((x, t, 1.6));
-        self.layout.parked.push(Actor { kind, body, route: Route::parked(x, t, Some(facing)) });
+        self.layout.parked.push(Actor {
+            kind,
+            body,
+            route: Route::parked(x, t, Some(facing)),
+        });
     }
 
     pub fn stand(&mut self, x: f32, t: f32) {
@@ -131,24 +139,49 @@ impl Builder<'_> {
     }
 
     fn occluder(&mut self, thing: Thing, at: V3, over: bool) {
-        self.layout.standing.push(Standing { thing, at, heading: (1.0, 0.0), planned: true, over });
+        self.layout.standing.push(Standing {
+            thing,
+            at,
+            heading: (1.0, 0.0),
+            planned: true,
+            over,
+        });
     }
 
     /// A bridge across the main line whose middle, `z` above the ground, is at `over`.
     pub fn bridge(&mut self, over: V3, half: f32) {
-        let surface = if half > 3.0 { [112.0, 112.0, 114.0] } else { [168.0, 150.0, 126.0] };
-        let rim = self.rng.pick(&[[186.0, 182.0, 174.0], [150.0, 146.0, 140.0], [124.0, 140.0, 132.0]]);
+        let surface = if half > 3.0 {
+            [112.0, 112.0, 114.0]
+        } else {
+            [168.0, 150.0, 126.0]
+        };
+        let rim = self.rng.pick(&[
+            [186.0, 182.0, 174.0],
+            [150.0, 146.0, 140.0],
+            [124.0, 140.0, 132.0],
+        ]);
         let first = self.layout.meshes.len();
         let mut pier = Mesh::default();
-        pier.cuboid((0.0, 0.0), v3(half * 1.1, 0.9, over.z - 0.9), 0.0, coat(rim, 0.0));
-        self.layout.meshes.extend([vehicles::deck(half, over.z, surface, rim), pier]);
+        pier.cuboid(
+            (0.0, 0.0),
+            v3(half * 1.1, 0.9, over.z - 0.9),
+            0.0,
+            coat(rim, 0.0),
+        );
+        self.layout
+            .meshes
+            .extend([vehicles::deck(half, over.z, surface, rim), pier]);
         let low = (((self.extent.y.0 - over.y) / 8.0).floor() as i32 - 2).max(-60);
         let high = (((self.extent.y.1 - over.y) / 8.0).ceil() as i32 + 2).min(60);
         for k in low..=high {
             let at = v3(over.x, over.y + 8.0 * k as f32, 0.0);
             let t = self.land.t_of(at);
-            let clear =
-                self.land.along.iter().all(|r| (t - r.at).abs() > r.half + 1.2) && !(8.0..30.0).contains(&t);
+            let clear = self
+                .land
+                .along
+                .iter()
+                .all(|r| (t - r.at).abs() > r.half + 1.2)
+                && !(8.0..30.0).contains(&t);
             self.occluder(Thing::Mesh(first), at, true);
             if k % 3 == 0 && clear {
                 self.occluder(Thing::Mesh(first + 1), at, false);
@@ -173,7 +206,13 @@ impl Builder<'_> {
         if self.land.clearance(at.x, self.land.t_of(at)) < 0.6 {
             return false;
         }
-        let tree = Tree { crown: self.rng.below(CROWNS), radius, height: crown.z, tiers: 1, taper: 1.0 };
+        let tree = Tree {
+            crown: self.rng.below(CROWNS),
+            radius,
+            height: crown.z,
+            tiers: 1,
+            taper: 1.0,
+        };
         self.occluder(Thing::Tree(tree), at, false);
         true
     }

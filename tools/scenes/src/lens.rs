@@ -19,7 +19,9 @@ fn deviates() -> &'static [i8] {
         let mut table = Vec::with_capacity(3 * (DEVIATES + STRETCH));
         for _ in 0..DEVIATES + STRETCH {
             let light = 0.83 * deviate();
-            table.extend([0; 3].map(|_: i32| (32.0 * (light + 0.55 * deviate())).clamp(-127.0, 127.0) as i8));
+            table.extend(
+                [0; 3].map(|_: i32| (32.0 * (light + 0.55 * deviate())).clamp(-127.0, 127.0) as i8),
+            );
         }
         table
     })
@@ -38,15 +40,24 @@ pub(crate) fn develop(
     let height = pixels.len() / width.max(1);
     let long = (smear.0 * smear.0 + smear.1 * smear.1).sqrt();
     let clamp = |v: f32| v.round().clamp(-40.0, 40.0) as i32;
-    let (near, far) =
-        ((clamp(smear.0 / 6.0), clamp(smear.1 / 6.0)), (clamp(smear.0 / 2.0), clamp(smear.1 / 2.0)));
+    let (near, far) = (
+        (clamp(smear.0 / 6.0), clamp(smear.1 / 6.0)),
+        (clamp(smear.0 / 2.0), clamp(smear.1 / 2.0)),
+    );
     let gain = (noise * 8.0) as i32;
     let table: Vec<i8> = match gain {
         0 => Vec::new(),
-        _ => deviates().iter().map(|&d| ((i32::from(d) * gain) >> 8).clamp(-127, 127) as i8).collect(),
+        _ => deviates()
+            .iter()
+            .map(|&d| ((i32::from(d) * gain) >> 8).clamp(-127, 127) as i8)
+            .collect(),
     };
     let mut line = vec![0u32; width];
-    for (y, (row, bytes)) in pixels.chunks_exact(width).zip(out.chunks_exact_mut(3 * width)).enumerate() {
+    for (y, (row, bytes)) in pixels
+        .chunks_exact(width)
+        .zip(out.chunks_exact_mut(3 * width))
+        .enumerate()
+    {
         let source = if long < 1.2 {
             row
         } else {
@@ -59,7 +70,11 @@ pub(crate) fn develop(
             let last = width as i32 - 1;
             for (x, pixel) in line.iter_mut().enumerate() {
                 let tap = |k: usize| taps[k].0[(x as i32 + taps[k].1).clamp(0, last) as usize];
-                *pixel = lerp_packed(lerp_packed(tap(0), tap(1), 128), lerp_packed(tap(2), tap(3), 128), 128);
+                *pixel = lerp_packed(
+                    lerp_packed(tap(0), tap(1), 128),
+                    lerp_packed(tap(2), tap(3), 128),
+                    128,
+                );
             }
             &line
         };
@@ -70,7 +85,11 @@ pub(crate) fn develop(
             continue;
         }
         for (block, bytes) in bytes.chunks_mut(3 * STRETCH).enumerate() {
-            let key = hash(y as i32, (index as i32) << 6 ^ block as i32, seed as u32 ^ (seed >> 32) as u32);
+            let key = hash(
+                y as i32,
+                (index as i32) << 6 ^ block as i32,
+                seed as u32 ^ (seed >> 32) as u32,
+            );
             let noise = &table[3 * (key as usize & (DEVIATES - 1))..][..bytes.len()];
             for (b, &n) in bytes.iter_mut().zip(noise) {
                 *b = (i16::from(*b) + i16::from(n)).clamp(0, 255) as u8;
@@ -86,7 +105,15 @@ mod tests {
     #[test]
     fn without_blur_and_noise_the_bytes_are_the_pixels() {
         let mut out = [0; 6];
-        develop(&[0x0003_0201, 0x0006_0504], 2, (0.0, 0.0), 0.0, 1, 1, &mut out);
+        develop(
+            &[0x0003_0201, 0x0006_0504],
+            2,
+            (0.0, 0.0),
+            0.0,
+            1,
+            1,
+            &mut out,
+        );
         assert_eq!(out, [1, 2, 3, 4, 5, 6]);
     }
 
@@ -97,7 +124,11 @@ mod tests {
         develop(&pixels, 512, (0.0, 0.0), 4.0, 9, 3, &mut out);
         let n = out.len() as f64;
         let mean = out.iter().map(|&b| f64::from(b)).sum::<f64>() / n;
-        let var = out.iter().map(|&b| (f64::from(b) - mean).powi(2)).sum::<f64>() / n;
+        let var = out
+            .iter()
+            .map(|&b| (f64::from(b) - mean).powi(2))
+            .sum::<f64>()
+            / n;
         assert!((mean - 128.0).abs() < 1.0, "{mean}");
         assert!((2.8..5.2).contains(&var.sqrt()), "{}", var.sqrt());
     }

@@ -48,7 +48,11 @@ impl Map {
         let round = |meters: f32| ((meters / texel / 8.0).ceil() as usize).max(1) * 8;
         let (nx, ny) = (round(width), round(height));
         // A map of the whole period must repeat exactly.
-        let texel = if width >= PERIOD { PERIOD / nx as f32 } else { texel };
+        let texel = if width >= PERIOD {
+            PERIOD / nx as f32
+        } else {
+            texel
+        };
         let noise = Noise::table();
         let at = |i: usize| ((i & 511) as f32, (i >> 9) as f32);
         let ripples = (0..NOISE_SIDE * NOISE_SIDE).map(|i| {
@@ -56,19 +60,32 @@ impl Map {
             (noise.at(u * 5.0, v * 7.0) * 16.0 + noise.at(u, v) * 8.0).clamp(-40.0, 40.0) as i8
         });
         let (origin, ripples) = ((extent.x.0, extent.y.0), ripples.collect());
-        Map { texel, origin, nx, ny, levels: Vec::new(), shade: vec![0; nx * ny], ripples }
+        Map {
+            texel,
+            origin,
+            nx,
+            ny,
+            levels: Vec::new(),
+            shade: vec![0; nx * ny],
+            ripples,
+        }
     }
 
     /// Texel coordinates of a world point; x is not reduced to the map's period.
     fn place(&self, p: V3) -> (f32, f32) {
-        ((p.x - self.origin.0) / self.texel, (p.y - self.origin.1) / self.texel)
+        (
+            (p.x - self.origin.0) / self.texel,
+            (p.y - self.origin.1) / self.texel,
+        )
     }
 
     /// Shades the shadow that a polygon in the air throws on the ground, where it falls in the map.
     pub fn cast(&mut self, corners: [V3; 4], sun: V3) {
         let flat = corners.map(|c| self.place(c - sun * (c.z / sun.z)));
         let (nx, shade) = (self.nx, &mut self.shade);
-        fill::polygon(&flat, nx, self.ny, |y, a, b| shade[y * nx + a..y * nx + b].fill(230));
+        fill::polygon(&flat, nx, self.ny, |y, a, b| {
+            shade[y * nx + a..y * nx + b].fill(230)
+        });
     }
 
     /// The same for a ball of leaves, through which some light falls.
@@ -77,7 +94,9 @@ impl Map {
         let r = radius / self.texel;
         let (nx, shade) = (self.nx, &mut self.shade);
         fill::ellipse(at, (r, r), nx, self.ny, |y, a, b| {
-            shade[y * nx + a..y * nx + b].iter_mut().for_each(|s| *s = (*s).max(206));
+            shade[y * nx + a..y * nx + b]
+                .iter_mut()
+                .for_each(|s| *s = (*s).max(206));
         });
     }
 
@@ -93,8 +112,9 @@ impl Map {
     pub fn paint(&mut self, painter: &Painter) {
         self.soften();
         let (nx, ny) = (self.nx, self.ny);
-        let columns: Vec<Column> =
-            (0..nx).map(|i| painter.column(self.origin.0 + (i as f32 + 0.5) * self.texel)).collect();
+        let columns: Vec<Column> = (0..nx)
+            .map(|i| painter.column(self.origin.0 + (i as f32 + 0.5) * self.texel))
+            .collect();
         let mut texels = Vec::with_capacity((nx + 1) * (ny + 1));
         for j in 0..ny {
             let y = self.origin.1 + (j as f32 + 0.5) * self.texel;
@@ -102,7 +122,10 @@ impl Map {
             for (column, &shade) in columns.iter().zip(&self.shade[j * nx..]) {
                 let (color, water) = painter.paint(column, y);
                 let shade = f32::from(shade) / 255.0 * (1.0 - 0.5 * water);
-                texels.push(pack(painter.palette.shaded(color, shade), (water * 255.0) as u32));
+                texels.push(pack(
+                    painter.palette.shaded(color, shade),
+                    (water * 255.0) as u32,
+                ));
             }
             texels.push(texels[first]);
         }
@@ -150,7 +173,10 @@ impl Map {
         // Ripples about two pixels wide at the middle of the view.
         let span = camera.position.z / -camera.forward.z.min(-0.1);
         let unit = (1.4 * span / camera.focal).max(0.05);
-        let drift = ((seconds * 0.9 / unit * 256.0) as i32, (seconds * 0.55 / unit * 256.0) as i32);
+        let drift = (
+            (seconds * 0.9 / unit * 256.0) as i32,
+            (seconds * 0.55 / unit * 256.0) as i32,
+        );
         let fixed = |v: f32| (v * 65536.0) as i64;
         if self.levels.is_empty() {
             return;
@@ -175,18 +201,28 @@ impl Map {
                 let scale = 1.0 / (1 << k) as f32;
                 let (u0, v0) = self.place(from);
                 let (u1, v1) = self.place(to);
-                let step = (fixed((u1 - u0) * scale) / SPAN as i64, fixed((v1 - v0) * scale) / SPAN as i64);
+                let step = (
+                    fixed((u1 - u0) * scale) / SPAN as i64,
+                    fixed((v1 - v0) * scale) / SPAN as i64,
+                );
                 let mut at = (fixed(u0 * scale - 0.5), fixed(v0 * scale - 0.5));
                 let fade = (haze(depth) * 256.0) as u32;
-                let world = |p: V3| ((p.x / unit * 256.0) as i64 as i32, (p.y / unit * 256.0) as i64 as i32);
+                let world = |p: V3| {
+                    (
+                        (p.x / unit * 256.0) as i64 as i32,
+                        (p.y / unit * 256.0) as i64 as i32,
+                    )
+                };
                 let (w0, w1) = (world(from), world(to));
                 for (i, pixel) in pixels.iter_mut().enumerate() {
                     let mut c = level.sample(at.0, at.1);
                     let water = (c >> 48) as u32;
                     if water > 8 {
                         let n = i as i32;
-                        let wx = w0.0.wrapping_add((w1.0.wrapping_sub(w0.0)) / SPAN as i32 * n);
-                        let wy = w0.1.wrapping_add((w1.1.wrapping_sub(w0.1)) / SPAN as i32 * n);
+                        let wx =
+                            w0.0.wrapping_add((w1.0.wrapping_sub(w0.0)) / SPAN as i32 * n);
+                        let wy =
+                            w0.1.wrapping_add((w1.1.wrapping_sub(w0.1)) / SPAN as i32 * n);
                         c = self.ripple(gathered(c), water, wx, wy, drift, palette.direct);
                     }
                     *pixel = gathered(lerp_lanes(c, haze_color, fade));
@@ -200,11 +236,16 @@ impl Map {
     #[inline(always)]
     fn ripple(&self, c: u32, water: u32, x: i32, y: i32, drift: (i32, i32), direct: f32) -> u64 {
         let at = |u: i32, v: i32| {
-            i32::from(self.ripples[((v >> 8) & 511) as usize * NOISE_SIDE + ((u >> 8) & 511) as usize])
+            i32::from(
+                self.ripples[((v >> 8) & 511) as usize * NOISE_SIDE + ((u >> 8) & 511) as usize],
+            )
         };
         let (a, b) = (
             at(x.wrapping_add(drift.0), y.wrapping_add(drift.1)),
-            at(y.wrapping_sub(drift.1), x.wrapping_mul(2).wrapping_sub(drift.0)),
+            at(
+                y.wrapping_sub(drift.1),
+                x.wrapping_mul(2).wrapping_sub(drift.0),
+            ),
         );
         let mut lift = (a + b) * water as i32 / 340;
         if direct > 0.4 && a + b > 34 {
@@ -224,7 +265,11 @@ impl Level {
             for i in 0..nx {
                 let at = 2 * j * (self.nx + 1) + 2 * i;
                 let top = lerp_packed(self.texels[at], self.texels[at + 1], 128);
-                let low = lerp_packed(self.texels[at + self.nx + 1], self.texels[at + self.nx + 2], 128);
+                let low = lerp_packed(
+                    self.texels[at + self.nx + 1],
+                    self.texels[at + self.nx + 2],
+                    128,
+                );
                 texels.push(lerp_packed(top, low, 128));
             }
             texels.push(texels[first]);
@@ -244,7 +289,10 @@ impl Level {
         let j = ((v >> 16) as i32).clamp(0, self.ny as i32 - 1);
         let (a, b) = ((u >> 8 & 255) as u32, (v >> 8 & 255) as u32);
         let at = j as usize * (self.nx + 1) + i as usize;
-        let (top, low) = (&self.texels[at..at + 2], &self.texels[at + self.nx + 1..at + self.nx + 3]);
+        let (top, low) = (
+            &self.texels[at..at + 2],
+            &self.texels[at + self.nx + 1..at + self.nx + 3],
+        );
         bilinear(top, low, a, b)
     }
 }

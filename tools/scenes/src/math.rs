@@ -45,7 +45,11 @@ impl V3 {
     }
 
     pub fn cross(self, o: V3) -> V3 {
-        v3(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
+        v3(
+            self.y * o.z - self.z * o.y,
+            self.z * o.x - self.x * o.z,
+            self.x * o.y - self.y * o.x,
+        )
     }
 
     pub fn length(self) -> f32 {
@@ -55,12 +59,20 @@ impl V3 {
     /// The direction of `self`; x for a vector too short to have one.
     pub fn unit(self) -> V3 {
         let length = self.length();
-        if length > 1e-9 { self * (1.0 / length) } else { v3(1.0, 0.0, 0.0) }
+        if length > 1e-9 {
+            self * (1.0 / length)
+        } else {
+            v3(1.0, 0.0, 0.0)
+        }
     }
 
     /// Turned about the z axis by the angle whose cosine and sine are given.
     pub fn turned(self, cos: f32, sin: f32) -> V3 {
-        v3(self.x * cos - self.y * sin, self.x * sin + self.y * cos, self.z)
+        v3(
+            self.x * cos - self.y * sin,
+            self.x * sin + self.y * cos,
+            self.z,
+        )
     }
 }
 
@@ -113,7 +125,11 @@ pub(crate) fn lerp(a: f32, b: f32, t: f32) -> f32 {
 }
 
 pub(crate) fn mix(a: Rgb, b: Rgb, t: f32) -> Rgb {
-    [lerp(a[0], b[0], t), lerp(a[1], b[1], t), lerp(a[2], b[2], t)]
+    [
+        lerp(a[0], b[0], t),
+        lerp(a[1], b[1], t),
+        lerp(a[2], b[2], t),
+    ]
 }
 
 pub(crate) fn scaled(c: Rgb, k: f32) -> Rgb {

@@ -29,7 +29,13 @@ pub(crate) struct Ring {
 
 /// A level ring.
 pub(crate) fn ring(back: f32, front: f32, half: f32, z: f32) -> Ring {
-    Ring { back, front, half, z_back: z, z_front: z }
+    Ring {
+        back,
+        front,
+        half,
+        z_back: z,
+        z_front: z,
+    }
 }
 
 /// Colors of a block's faces.
@@ -44,7 +50,13 @@ pub(crate) struct Coat {
 
 /// One color all over.
 pub(crate) fn coat(color: Rgb, gloss: f32) -> Coat {
-    Coat { side: color, front: color, back: color, top: color, gloss }
+    Coat {
+        side: color,
+        front: color,
+        back: color,
+        top: color,
+        gloss,
+    }
 }
 
 impl Mesh {
@@ -55,7 +67,12 @@ impl Mesh {
         if normal.dot((a + c) * 0.5 - inside) < 0.0 {
             normal = normal * -1.0;
         }
-        self.faces.push(Face { corners, normal, color, gloss });
+        self.faces.push(Face {
+            corners,
+            normal,
+            color,
+            gloss,
+        });
     }
 
     /// A block between two rings: four sides and a top (its underside is never seen).
@@ -70,7 +87,10 @@ impl Mesh {
         };
         let (l, h) = (corners(lo), corners(hi));
         let inside = (0..4).fold(V3::default(), |sum, i| sum + (l[i] + h[i]) * 0.125);
-        for (i, color) in [coat.side, coat.front, coat.side, coat.back].into_iter().enumerate() {
+        for (i, color) in [coat.side, coat.front, coat.side, coat.back]
+            .into_iter()
+            .enumerate()
+        {
             let j = (i + 1) % 4;
             self.quad([l[i], l[j], h[j], h[i]], inside, color, coat.gloss);
         }
@@ -88,36 +108,62 @@ impl Mesh {
     /// A thin plate on the right and left side (y = -half and half) between two heights.
     pub fn plates(&mut self, x: (f32, f32), half: f32, z: (f32, f32), color: Rgb, gloss: f32) {
         for y in [-half, half] {
-            let corners = [v3(x.0, y, z.0), v3(x.1, y, z.0), v3(x.1, y, z.1), v3(x.0, y, z.1)];
+            let corners = [
+                v3(x.0, y, z.0),
+                v3(x.1, y, z.0),
+                v3(x.1, y, z.1),
+                v3(x.0, y, z.1),
+            ];
             self.quad(corners, v3(0.0, 0.0, 0.5 * (z.0 + z.1)), color, gloss);
         }
     }
 
     /// A plate facing forward or backward at `x`, seen from the side away from the middle.
     pub fn end_plate(&mut self, x: f32, y: (f32, f32), z: (f32, f32), color: Rgb) {
-        let corners = [v3(x, y.0, z.0), v3(x, y.1, z.0), v3(x, y.1, z.1), v3(x, y.0, z.1)];
+        let corners = [
+            v3(x, y.0, z.0),
+            v3(x, y.1, z.0),
+            v3(x, y.1, z.1),
+            v3(x, y.0, z.1),
+        ];
         self.quad(corners, v3(0.0, 0.0, 0.5 * (z.0 + z.1)), color, 0.2);
     }
 
     /// A level plate seen from above.
     pub fn lid(&mut self, x: (f32, f32), y: (f32, f32), z: f32, color: Rgb, gloss: f32) {
-        let corners = [v3(x.0, y.0, z), v3(x.1, y.0, z), v3(x.1, y.1, z), v3(x.0, y.1, z)];
+        let corners = [
+            v3(x.0, y.0, z),
+            v3(x.1, y.0, z),
+            v3(x.1, y.1, z),
+            v3(x.0, y.1, z),
+        ];
         self.quad(corners, v3(0.0, 0.0, z - 1.0), color, gloss);
     }
 
     /// Wheels: dark hexagons with a lighter hub just outside the body's sides.
     pub fn wheels(&mut self, at: &[f32], radius: f32, half: f32) {
         for &x in at {
-            for (r, y, color) in
-                [(radius, half, [30.0, 30.0, 32.0]), (radius * 0.52, half + 0.01, [120.0, 122.0, 126.0])]
-            {
+            for (r, y, color) in [
+                (radius, half, [30.0, 30.0, 32.0]),
+                (radius * 0.52, half + 0.01, [120.0, 122.0, 126.0]),
+            ] {
                 let z = radius;
                 let (a, b) = (r * 0.55, r * 0.84);
                 for side in [-y, y] {
                     let inside = v3(x, 0.0, z);
                     let p = |dx: f32, dz: f32| v3(x + dx, side, z + dz);
-                    self.quad([p(-r, 0.0), p(-a, b), p(a, b), p(r, 0.0)], inside, color, 0.1);
-                    self.quad([p(-r, 0.0), p(-a, -b), p(a, -b), p(r, 0.0)], inside, color, 0.1);
+                    self.quad(
+                        [p(-r, 0.0), p(-a, b), p(a, b), p(r, 0.0)],
+                        inside,
+                        color,
+                        0.1,
+                    );
+                    self.quad(
+                        [p(-r, 0.0), p(-a, -b), p(a, -b), p(r, 0.0)],
+                        inside,
+                        color,
+                        0.1,
+                    );
                 }
             }
         }
@@ -131,11 +177,20 @@ impl Mesh {
         };
         let inside = v3(0.0, 0.0, lerp(z.0, z.1, 0.3));
         for i in 0..n {
-            let side =
-                [p(i, radius.0, z.0), p(i + 1, radius.0, z.0), p(i + 1, radius.1, z.1), p(i, radius.1, z.1)];
+            let side = [
+                p(i, radius.0, z.0),
+                p(i + 1, radius.0, z.0),
+                p(i + 1, radius.1, z.1),
+                p(i, radius.1, z.1),
+            ];
             self.quad(side, inside, color, 0.15);
             let center = v3(0.0, 0.0, z.1);
-            self.quad([center, p(i, radius.1, z.1), p(i + 1, radius.1, z.1), center], inside, color, 0.1);
+            self.quad(
+                [center, p(i, radius.1, z.1), p(i + 1, radius.1, z.1), center],
+                inside,
+                color,
+                0.1,
+            );
         }
     }
 
@@ -147,7 +202,9 @@ impl Mesh {
     /// Turns the faces from `first` on about the z axis.
     pub fn turn(&mut self, first: usize, cos: f32, sin: f32) {
         self.map(first, |p| p.turned(cos, sin));
-        self.faces[first..].iter_mut().for_each(|f| f.normal = f.normal.turned(cos, sin));
+        self.faces[first..]
+            .iter_mut()
+            .for_each(|f| f.normal = f.normal.turned(cos, sin));
     }
 
     fn map(&mut self, first: usize, place: impl Fn(V3) -> V3) {
@@ -159,7 +216,9 @@ impl Mesh {
     /// Radius of the upright cylinder around the origin that holds everything, and its height.
     pub fn bounds(&self) -> (f32, f32) {
         let corners = self.faces.iter().flat_map(|f| f.corners);
-        corners.fold((0.0f32, 0.0f32), |(r, h), p| (r.max((p.x * p.x + p.y * p.y).sqrt()), h.max(p.z)))
+        corners.fold((0.0f32, 0.0f32), |(r, h), p| {
+            (r.max((p.x * p.x + p.y * p.y).sqrt()), h.max(p.z))
+        })
     }
 }
 
@@ -175,10 +234,17 @@ mod tests {
     #[test]
     fn block_faces_look_outward() {
         let mut mesh = Mesh::default();
-        mesh.block(ring(-2.0, 2.0, 1.0, 0.0), ring(-1.5, 1.0, 0.8, 1.0), coat([9.0; 3], 0.0));
+        mesh.block(
+            ring(-2.0, 2.0, 1.0, 0.0),
+            ring(-1.5, 1.0, 0.8, 1.0),
+            coat([9.0; 3], 0.0),
+        );
         mesh.wheels(&[1.0], 0.3, 1.1);
         for face in &mesh.faces {
-            let middle = face.corners.iter().fold(V3::default(), |s, &c| s + c * 0.25);
+            let middle = face
+                .corners
+                .iter()
+                .fold(V3::default(), |s, &c| s + c * 0.25);
             assert!(face.normal.dot(middle - v3(0.0, 0.0, 0.5)) > 0.0);
         }
         let (radius, height) = mesh.bounds();

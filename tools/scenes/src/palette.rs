@@ -22,8 +22,14 @@ pub enum Biome {
 
 impl Biome {
     /// Every biome.
-    pub const ALL: [Biome; 6] =
-        [Biome::Farmland, Biome::Town, Biome::Coast, Biome::Forest, Biome::Park, Biome::Highway];
+    pub const ALL: [Biome; 6] = [
+        Biome::Farmland,
+        Biome::Town,
+        Biome::Coast,
+        Biome::Forest,
+        Biome::Park,
+        Biome::Highway,
+    ];
 }
 
 /// Colors of the ground and of leaves, and the light on them.
@@ -52,10 +58,27 @@ impl Palette {
     pub fn new(rng: &mut Rng) -> Palette {
         let turn = rng.unit();
         let sunny = rng.chance(0.75);
-        let height = if sunny { rng.range(0.75, 1.7) } else { rng.range(1.5, 3.0) };
-        let sun = v3(crate::math::cos_turns(turn), crate::math::sin_turns(turn), height).unit();
-        let warm = if sunny { ((1.25 - height) * 1.4).clamp(0.0, 1.0) } else { 0.0 };
-        let day = if sunny { [1.06, 1.03, 0.98] } else { [0.90, 0.93, 0.97] };
+        let height = if sunny {
+            rng.range(0.75, 1.7)
+        } else {
+            rng.range(1.5, 3.0)
+        };
+        let sun = v3(
+            crate::math::cos_turns(turn),
+            crate::math::sin_turns(turn),
+            height,
+        )
+        .unit();
+        let warm = if sunny {
+            ((1.25 - height) * 1.4).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let day = if sunny {
+            [1.06, 1.03, 0.98]
+        } else {
+            [0.90, 0.93, 0.97]
+        };
         let tint = scaled(mix(day, [1.10, 0.98, 0.82], warm), rng.range(0.94, 1.06));
 
         // Summer, late summer, autumn, spring.
@@ -67,14 +90,38 @@ impl Palette {
             [[92.0, 132.0, 58.0], [124.0, 152.0, 74.0]],
         ][season];
         let leaves = [
-            [[74.0, 104.0, 46.0], [92.0, 118.0, 52.0], [62.0, 94.0, 48.0], [104.0, 124.0, 60.0]],
-            [[94.0, 108.0, 52.0], [114.0, 118.0, 62.0], [78.0, 98.0, 50.0], [128.0, 124.0, 70.0]],
-            [[168.0, 104.0, 36.0], [186.0, 140.0, 46.0], [138.0, 70.0, 38.0], [98.0, 100.0, 48.0]],
-            [[96.0, 132.0, 52.0], [116.0, 146.0, 60.0], [76.0, 112.0, 48.0], [196.0, 168.0, 172.0]],
+            [
+                [74.0, 104.0, 46.0],
+                [92.0, 118.0, 52.0],
+                [62.0, 94.0, 48.0],
+                [104.0, 124.0, 60.0],
+            ],
+            [
+                [94.0, 108.0, 52.0],
+                [114.0, 118.0, 62.0],
+                [78.0, 98.0, 50.0],
+                [128.0, 124.0, 70.0],
+            ],
+            [
+                [168.0, 104.0, 36.0],
+                [186.0, 140.0, 46.0],
+                [138.0, 70.0, 38.0],
+                [98.0, 100.0, 48.0],
+            ],
+            [
+                [96.0, 132.0, 52.0],
+                [116.0, 146.0, 60.0],
+                [76.0, 112.0, 48.0],
+                [196.0, 168.0, 172.0],
+            ],
         ][season];
         let mut jitter = |c: Rgb, k: f32| {
             let all = rng.range(1.0 - k, 1.0 + k);
-            [c[0] * all * rng.range(0.97, 1.03), c[1] * all, c[2] * all * rng.range(0.95, 1.05)]
+            [
+                c[0] * all * rng.range(0.97, 1.03),
+                c[1] * all,
+                c[2] * all * rng.range(0.95, 1.05),
+            ]
         };
         let wheat = jitter([188.0, 160.0, 104.0], 0.08);
         let soil = jitter([132.0, 104.0, 80.0], 0.12);
@@ -83,7 +130,11 @@ impl Palette {
             soil,
             jitter([104.0, 130.0, 66.0], 0.1),
             jitter([134.0, 148.0, 82.0], 0.1),
-            if season == 3 { [206.0, 188.0, 70.0] } else { jitter([160.0, 146.0, 98.0], 0.1) },
+            if season == 3 {
+                [206.0, 188.0, 70.0]
+            } else {
+                jitter([160.0, 146.0, 98.0], 0.1)
+            },
             jitter([84.0, 108.0, 60.0], 0.1),
         ];
         let tropical = jitter([36.0, 92.0, 104.0], 0.1);
@@ -108,7 +159,11 @@ impl Palette {
             leaves,
             needles: [66.0, 92.0, 58.0],
             sun,
-            direct: if sunny { rng.range(0.58, 0.72) } else { rng.range(0.12, 0.25) },
+            direct: if sunny {
+                rng.range(0.58, 0.72)
+            } else {
+                rng.range(0.12, 0.25)
+            },
             tint,
             haze: mix([196.0, 206.0, 216.0], [226.0, 206.0, 180.0], warm),
         }
@@ -123,6 +178,10 @@ impl Palette {
     /// A color as lit in the shade of something, `shade` 0 (none)..1 (full).
     pub fn shaded(&self, c: Rgb, shade: f32) -> Rgb {
         let k = shade * self.direct;
-        [c[0] * (1.0 - 0.92 * k), c[1] * (1.0 - 0.88 * k), c[2] * (1.0 - 0.78 * k)]
+        [
+            c[0] * (1.0 - 0.92 * k),
+            c[1] * (1.0 - 0.88 * k),
+            c[2] * (1.0 - 0.78 * k),
+        ]
     }
 }

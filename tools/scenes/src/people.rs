@@ -37,7 +37,11 @@ impl Look {
                 [150.0, 134.0, 104.0],
                 [84.0, 86.0, 90.0],
             ]),
-            skin: rng.pick(&[[224.0, 180.0, 150.0], [196.0, 148.0, 114.0], [128.0, 88.0, 64.0]]),
+            skin: rng.pick(&[
+                [224.0, 180.0, 150.0],
+                [196.0, 148.0, 114.0],
+                [128.0, 88.0, 64.0],
+            ]),
             hair: rng.pick(&[
                 [42.0, 32.0, 26.0],
                 [96.0, 66.0, 40.0],
@@ -52,7 +56,11 @@ impl Look {
 
     /// The body at a phase of its stride, in turns; `stride` is 0 for someone standing still, 1 for a walk.
     pub fn mesh(&self, phase: f32, stride: f32) -> Mesh {
-        if self.cyclist { self.ride(phase) } else { self.walk(phase, stride) }
+        if self.cyclist {
+            self.ride(phase)
+        } else {
+            self.walk(phase, stride)
+        }
     }
 
     /// A limb of square cross-section from `a` to `b`.
@@ -60,7 +68,12 @@ impl Look {
         let axis = (b - a).unit();
         let across = axis.cross(v3(0.31, 1.0, 0.17)).unit() * thick;
         let deep = axis.cross(across).unit() * thick;
-        let ends = [across + deep, across - deep, across * -1.0 - deep, deep - across];
+        let ends = [
+            across + deep,
+            across - deep,
+            across * -1.0 - deep,
+            deep - across,
+        ];
         let inside = (a + b) * 0.5;
         for i in 0..4 {
             let (p, q) = (ends[i], ends[(i + 1) % 4]);
@@ -73,13 +86,24 @@ impl Look {
     /// Head with hair, around `at`.
     fn head(&self, m: &mut Mesh, at: V3, k: f32) {
         let first = m.faces.len();
-        m.block(ring(-0.07, 0.08, 0.07, -0.13), ring(-0.1, 0.1, 0.095, -0.02), coat(self.skin, 0.0));
+        m.block(
+            ring(-0.07, 0.08, 0.07, -0.13),
+            ring(-0.1, 0.1, 0.095, -0.02),
+            coat(self.skin, 0.0),
+        );
         m.block(
             ring(-0.1, 0.1, 0.095, -0.02),
             ring(-0.1, 0.08, 0.09, 0.06),
-            crate::mesh::Coat { front: self.skin, ..coat(self.hair, 0.0) },
+            crate::mesh::Coat {
+                front: self.skin,
+                ..coat(self.hair, 0.0)
+            },
         );
-        m.block(ring(-0.1, 0.08, 0.09, 0.06), ring(-0.05, 0.03, 0.05, 0.125), coat(self.hair, 0.1));
+        m.block(
+            ring(-0.1, 0.08, 0.09, 0.06),
+            ring(-0.05, 0.03, 0.05, 0.125),
+            coat(self.hair, 0.1),
+        );
         for face in &mut m.faces[first..] {
             face.corners = face.corners.map(|c| c * (k * 1.06) + at);
         }
@@ -124,8 +148,16 @@ impl Look {
             back: tone(self.shirt, 0.96),
             ..coat(self.shirt, 0.0)
         };
-        m.block(scaled(ring(-0.11, 0.11, 0.16, 0.84)), scaled(ring(-0.12, 0.12, 0.2, 1.2)), shirt);
-        m.block(scaled(ring(-0.12, 0.12, 0.2, 1.2)), scaled(ring(-0.08, 0.08, 0.2, 1.44)), shirt);
+        m.block(
+            scaled(ring(-0.11, 0.11, 0.16, 0.84)),
+            scaled(ring(-0.12, 0.12, 0.2, 1.2)),
+            shirt,
+        );
+        m.block(
+            scaled(ring(-0.12, 0.12, 0.2, 1.2)),
+            scaled(ring(-0.08, 0.08, 0.2, 1.44)),
+            shirt,
+        );
         m.block(
             scaled(ring(-0.05, 0.05, 0.05, 1.42)),
             scaled(ring(-0.05, 0.05, 0.05, 1.52)),
@@ -150,12 +182,20 @@ impl Look {
             for i in 0..8 {
                 let at = |i: usize| {
                     let turn = (i as f32 + 0.5) / 8.0;
-                    v3(x + 0.33 * cos_turns(turn), 0.0, 0.36 + 0.33 * sin_turns(turn))
+                    v3(
+                        x + 0.33 * cos_turns(turn),
+                        0.0,
+                        0.36 + 0.33 * sin_turns(turn),
+                    )
                 };
                 Self::limb(&mut m, at(i), at(i + 1), 0.025, [34.0, 34.0, 36.0]);
             }
         }
-        let (saddle, crank, bar) = (v3(-0.22, 0.0, 0.95), v3(-0.08, 0.0, 0.34), v3(0.4, 0.0, 1.02));
+        let (saddle, crank, bar) = (
+            v3(-0.22, 0.0, 0.95),
+            v3(-0.08, 0.0, 0.34),
+            v3(0.4, 0.0, 1.02),
+        );
         for (a, b) in [
             (saddle, crank),
             (crank, bar),
@@ -165,7 +205,13 @@ impl Look {
         ] {
             Self::limb(&mut m, a, b, 0.022, frame);
         }
-        Self::limb(&mut m, v3(0.4, -0.28, 1.04), v3(0.4, 0.28, 1.04), 0.022, [40.0; 3]);
+        Self::limb(
+            &mut m,
+            v3(0.4, -0.28, 1.04),
+            v3(0.4, 0.28, 1.04),
+            0.022,
+            [40.0; 3],
+        );
         for side in [-1.0f32, 1.0] {
             let turn = phase + 0.25 * side;
             let pedal = crank + v3(0.16 * cos_turns(turn), side * 0.12, 0.16 * sin_turns(turn));
@@ -173,11 +219,29 @@ impl Look {
             let knee = (hip + pedal) * 0.5 + v3(0.26, 0.0, 0.06);
             Self::limb(&mut m, hip, knee, 0.085, self.trousers);
             Self::limb(&mut m, knee, pedal, 0.06, tone(self.trousers, 0.94));
-            Self::limb(&mut m, v3(0.14, side * 0.2, 1.46), v3(0.38, side * 0.26, 1.08), 0.045, self.skin);
+            Self::limb(
+                &mut m,
+                v3(0.14, side * 0.2, 1.46),
+                v3(0.38, side * 0.26, 1.08),
+                0.045,
+                self.skin,
+            );
         }
-        Self::limb(&mut m, v3(-0.2, 0.0, 1.02), v3(0.12, 0.0, 1.5), 0.15, self.shirt);
+        Self::limb(
+            &mut m,
+            v3(-0.2, 0.0, 1.02),
+            v3(0.12, 0.0, 1.5),
+            0.15,
+            self.shirt,
+        );
         if let Some(color) = self.bag {
-            Self::limb(&mut m, v3(-0.24, 0.0, 1.24), v3(-0.06, 0.0, 1.5), 0.13, color);
+            Self::limb(
+                &mut m,
+                v3(-0.24, 0.0, 1.24),
+                v3(-0.06, 0.0, 1.5),
+                0.13,
+                color,
+            );
         }
         self.head(&mut m, v3(0.22, 0.0, 1.66), 1.0);
         m

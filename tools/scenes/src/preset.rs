@@ -25,7 +25,12 @@ impl Preset {
         match difficulty {
             Difficulty::Easy => Preset {
                 pace: 0.7,
-                manner: Manner { wander: 0.22, shake: 0.4, climb: 0.10, yaw: 0.02 },
+                manner: Manner {
+                    wander: 0.22,
+                    shake: 0.4,
+                    climb: 0.10,
+                    yaw: 0.02,
+                },
                 distractors: 3,
                 twins: 0.0,
                 occlusions: false,
@@ -37,7 +42,12 @@ impl Preset {
             },
             Difficulty::Medium => Preset {
                 pace: 1.0,
-                manner: Manner { wander: 0.42, shake: 1.4, climb: 0.18, yaw: 0.06 },
+                manner: Manner {
+                    wander: 0.42,
+                    shake: 1.4,
+                    climb: 0.18,
+                    yaw: 0.06,
+                },
                 distractors: 6,
                 twins: 0.25,
                 occlusions: true,
@@ -49,7 +59,12 @@ impl Preset {
             },
             Difficulty::Hard => Preset {
                 pace: 1.4,
-                manner: Manner { wander: 0.6, shake: 3.2, climb: 0.27, yaw: 0.11 },
+                manner: Manner {
+                    wander: 0.6,
+                    shake: 3.2,
+                    climb: 0.27,
+                    yaw: 0.11,
+                },
                 distractors: 12,
                 twins: 0.55,
                 occlusions: true,

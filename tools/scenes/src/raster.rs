@@ -47,19 +47,34 @@ impl Mask {
 
     /// Whether a rectangle of pixels meets the target's.
     fn meets(&self, x0: i32, y0: i32, x1: i32, y1: i32) -> bool {
-        let (right, low) =
-            (self.x0 + self.width as i32, self.y0 + (self.seen.len() / self.width.max(1)) as i32);
+        let (right, low) = (
+            self.x0 + self.width as i32,
+            self.y0 + (self.seen.len() / self.width.max(1)) as i32,
+        );
         x0 < right && x1 > self.x0 && y0 < low && y1 > self.y0
     }
 
     /// Share of the target that is seen in a view of the given size, 0..1.
     pub fn visible(&self, width: usize, height: usize) -> f32 {
         let inside = |at: usize| {
-            let (x, y) = (self.x0 + (at % self.width) as i32, self.y0 + (at / self.width) as i32);
+            let (x, y) = (
+                self.x0 + (at % self.width) as i32,
+                self.y0 + (at / self.width) as i32,
+            );
             x >= 0 && y >= 0 && (x as usize) < width && (y as usize) < height
         };
-        let seen: f32 = self.seen.iter().enumerate().filter(|&(at, _)| inside(at)).map(|(_, &s)| s).sum();
-        if self.total > 0.0 { (seen / self.total).min(1.0) } else { 0.0 }
+        let seen: f32 = self
+            .seen
+            .iter()
+            .enumerate()
+            .filter(|&(at, _)| inside(at))
+            .map(|(_, &s)| s)
+            .sum();
+        if self.total > 0.0 {
+            (seen / self.total).min(1.0)
+        } else {
+            0.0
+        }
     }
 }
 
@@ -87,7 +102,14 @@ pub(crate) struct Sprite {
 impl Frame {
     pub fn new(width: usize, height: usize) -> Frame {
         let pixels = vec![0; width * height];
-        Frame { width, height, pixels, mask: None, depth: Vec::new(), samples: Vec::new() }
+        Frame {
+            width,
+            height,
+            pixels,
+            mask: None,
+            depth: Vec::new(),
+            samples: Vec::new(),
+        }
     }
 
     /// The tight box (left, top, right, bottom) of a mesh in pixels.
@@ -95,7 +117,11 @@ impl Frame {
         let mut b = (f32::MAX, f32::MAX, f32::MIN, f32::MIN);
         let (cos, sin) = stand.heading;
         let eye = (camera.position - stand.at).turned(cos, -sin);
-        for face in mesh.faces.iter().filter(|f| f.normal.dot(eye - f.corners[0]) > 0.0) {
+        for face in mesh
+            .faces
+            .iter()
+            .filter(|f| f.normal.dot(eye - f.corners[0]) > 0.0)
+        {
             for corner in face.corners {
                 let p = camera.project(corner.turned(cos, sin) + stand.at);
                 b = (b.0.min(p.0), b.1.min(p.1), b.2.max(p.0), b.3.max(p.1));
@@ -105,15 +131,26 @@ impl Frame {
     }
 
     /// Draws a mesh; as the target, it also starts the frame's mask.
-    pub fn mesh(&mut self, mesh: &Mesh, stand: &Stand, camera: &Camera, palette: &Palette, target: bool) {
+    pub fn mesh(
+        &mut self,
+        mesh: &Mesh,
+        stand: &Stand,
+        camera: &Camera,
+        palette: &Palette,
+        target: bool,
+    ) {
         let b = Self::bounds(mesh, stand, camera);
-        let Some(region) = Region::of(b, self, target) else { return };
+        let Some(region) = Region::of(b, self, target) else {
+            return;
+        };
         let k = region.fineness as f32;
         self.clear(&region);
         let (sun, eye) = (palette.sun, camera.position);
         let near_shade = 1.0 - 0.8 * stand.shade * palette.direct;
         for face in &mesh.faces {
-            let world = face.corners.map(|c| c.turned(stand.heading.0, stand.heading.1) + stand.at);
+            let world = face
+                .corners
+                .map(|c| c.turned(stand.heading.0, stand.heading.1) + stand.at);
             let normal = face.normal.turned(stand.heading.0, stand.heading.1);
             let to_eye = eye - world[0];
             if normal.dot(to_eye) <= 0.0 {
@@ -143,7 +180,11 @@ impl Frame {
             let packed = pack(mix(color, palette.haze, stand.haze), 255);
             let corners = world.map(|p| {
                 let (x, y, depth) = camera.project(p);
-                ((x - region.x0 as f32) * k, (y - region.y0 as f32) * k, 1.0 / depth)
+                (
+                    (x - region.x0 as f32) * k,
+                    (y - region.y0 as f32) * k,
+                    1.0 / depth,
+                )
             });
             self.face(&corners, packed, &region);
         }
@@ -164,11 +205,19 @@ impl Frame {
         for p in mesh.faces.iter().flat_map(|f| f.corners).map(flat) {
             b = (b.0.min(p.0), b.1.min(p.1), b.2.max(p.0), b.3.max(p.1));
         }
-        let Some(region) = Region::of(b, self, false) else { return };
-        let region = Region { fineness: region.fineness.min(2), ..region };
+        let Some(region) = Region::of(b, self, false) else {
+            return;
+        };
+        let region = Region {
+            fineness: region.fineness.min(2),
+            ..region
+        };
         let k = region.fineness as f32;
         self.clear(&region);
-        let (w, h) = (region.width * region.fineness, region.height * region.fineness);
+        let (w, h) = (
+            region.width * region.fineness,
+            region.height * region.fineness,
+        );
         for face in &mesh.faces {
             let normal = face.normal.turned(stand.heading.0, stand.heading.1);
             if normal.dot(sun) > 0.0 {
@@ -177,7 +226,9 @@ impl Frame {
                     .map(flat)
                     .map(|(x, y)| ((x - region.x0 as f32) * k, (y - region.y0 as f32) * k));
                 let depth = &mut self.depth;
-                fill::polygon(&corners, w, h, |y, a, b| depth[y * w + a..y * w + b].fill(1.0));
+                fill::polygon(&corners, w, h, |y, a, b| {
+                    depth[y * w + a..y * w + b].fill(1.0)
+                });
             }
         }
         let cells = (region.fineness * region.fineness) as u32;
@@ -185,8 +236,8 @@ impl Frame {
             for i in 0..region.width {
                 let covered = self.covered(&region, i, j);
                 if covered > 0 {
-                    let pixel =
-                        &mut self.pixels[(region.y0 as usize + j) * self.width + region.x0 as usize + i];
+                    let pixel = &mut self.pixels
+                        [(region.y0 as usize + j) * self.width + region.x0 as usize + i];
                     *pixel = lerp_packed(*pixel, 0x0014_0c0a, strength * covered / cells);
                 }
             }
@@ -214,7 +265,13 @@ impl Frame {
         let scale = scale.clamp(2.0, 160.0);
         let side = (scale * 2.6) as usize + 4;
         let fineness = if scale < 28.0 { 2 } else { 1 };
-        let region = Region { x0: 0, y0: 0, width: side, height: side, fineness };
+        let region = Region {
+            x0: 0,
+            y0: 0,
+            width: side,
+            height: side,
+            fineness,
+        };
         self.clear(&region);
         let (n, k) = (side * fineness, scale * fineness as f32);
         let middle = 0.5 * n as f32;
@@ -229,13 +286,19 @@ impl Frame {
         let swell = [1.0, 1.0, 1.35, 1.6][step];
         let (depth, samples) = (&mut self.depth, &mut self.samples);
         for tuft in crown.tufts.iter().step_by(step) {
-            let at = (middle + k * tuft.at.dot(camera.right), middle + k * tuft.at.dot(camera.down));
+            let at = (
+                middle + k * tuft.at.dot(camera.right),
+                middle + k * tuft.at.dot(camera.down),
+            );
             let near = 10.0 - tuft.at.dot(camera.forward);
             let color = pack(tuft.color, 255);
             let r = tuft.radius * swell * k;
             fill::ellipse(at, (r, r * 0.9), n, n, |y, a, b| {
                 let row = y * n;
-                for (d, s) in depth[row + a..row + b].iter_mut().zip(&mut samples[row + a..row + b]) {
+                for (d, s) in depth[row + a..row + b]
+                    .iter_mut()
+                    .zip(&mut samples[row + a..row + b])
+                {
                     if near > *d {
                         (*d, *s) = (near, color);
                     }
@@ -256,12 +319,20 @@ impl Frame {
                 }
                 let mean = |sum: u32| sum / (fineness * fineness) as u32;
                 pixels.push(
-                    mean(color[0]) | mean(color[1]) << 8 | mean(color[2]) << 16 | mean(255 * covered) << 24,
+                    mean(color[0])
+                        | mean(color[1]) << 8
+                        | mean(color[2]) << 16
+                        | mean(255 * covered) << 24,
                 );
             }
             spans.push(span);
         }
-        Sprite { side, scale, pixels, spans }
+        Sprite {
+            side,
+            scale,
+            pixels,
+            spans,
+        }
     }
 
     /// Stamps a sprite with its middle at a pixel position, its crown `radius` pixels in radius.
@@ -275,7 +346,10 @@ impl Frame {
         let inverse = 1.0 / scale;
         let step = (inverse * 65536.0) as i32;
         let (haze_color, haze_share) = (spread(pack(haze.0, 255)), (haze.1 * 256.0) as u32);
-        let hides = self.mask.as_ref().is_some_and(|m| m.meets(x0 as i32, y0 as i32, x1 as i32, y1 as i32));
+        let hides = self
+            .mask
+            .as_ref()
+            .is_some_and(|m| m.meets(x0 as i32, y0 as i32, x1 as i32, y1 as i32));
         for y in y0..y1 {
             let v = (y as f32 + 0.5 - center.1 + half) * inverse - 0.5;
             if v < 0.0 {
@@ -311,8 +385,8 @@ impl Frame {
                 } else {
                     let cover = alpha + (alpha >> 7);
                     let c = lerp_lanes(c, lerp_lanes(0, haze_color, cover), haze_share);
-                    *pixel =
-                        (gathered(c) & 0x00ff_ffff) + gathered(lerp_lanes(0, spread(*pixel), 256 - cover));
+                    *pixel = (gathered(c) & 0x00ff_ffff)
+                        + gathered(lerp_lanes(0, spread(*pixel), 256 - cover));
                 }
                 if hides && let Some(mask) = &mut self.mask {
                     mask.hide(x as i32, y as i32, alpha as f32 / 255.0);
@@ -335,22 +409,35 @@ impl Frame {
         // 1 / depth is linear over the face: its slopes from the wider of the two triangles.
         let [a, b, c, d] = *corners;
         let slopes = |p: (f32, f32, f32), q: (f32, f32, f32), r: (f32, f32, f32)| {
-            let (u, v) = ((q.0 - p.0, q.1 - p.1, q.2 - p.2), (r.0 - p.0, r.1 - p.1, r.2 - p.2));
+            let (u, v) = (
+                (q.0 - p.0, q.1 - p.1, q.2 - p.2),
+                (r.0 - p.0, r.1 - p.1, r.2 - p.2),
+            );
             let area = u.0 * v.1 - u.1 * v.0;
-            (area, (u.2 * v.1 - v.2 * u.1) / area, (v.2 * u.0 - u.2 * v.0) / area)
+            (
+                area,
+                (u.2 * v.1 - v.2 * u.1) / area,
+                (v.2 * u.0 - u.2 * v.0) / area,
+            )
         };
         let (one, two) = (slopes(a, b, c), slopes(a, c, d));
         let (area, dx, dy) = if one.0.abs() > two.0.abs() { one } else { two };
         if area.abs() < 1e-6 {
             return;
         }
-        let (w, h) = (region.width * region.fineness, region.height * region.fineness);
+        let (w, h) = (
+            region.width * region.fineness,
+            region.height * region.fineness,
+        );
         let outline = corners.map(|p| (p.0, p.1));
         let (depth, samples) = (&mut self.depth, &mut self.samples);
         fill::polygon(&outline, w, h, |y, from, to| {
             let mut near = a.2 + (from as f32 + 0.5 - a.0) * dx + (y as f32 + 0.5 - a.1) * dy;
             let row = y * w;
-            for (d, s) in depth[row + from..row + to].iter_mut().zip(&mut samples[row + from..row + to]) {
+            for (d, s) in depth[row + from..row + to]
+                .iter_mut()
+                .zip(&mut samples[row + from..row + to])
+            {
                 let nearer = near > *d;
                 *d = if nearer { near } else { *d };
                 *s = if nearer { color } else { *s };
@@ -366,7 +453,10 @@ impl Frame {
         let stride = region.width * N;
         for row in 0..N {
             let first = (j * N + row) * stride + i * N;
-            for (&depth, &c) in self.depth[first..first + N].iter().zip(&self.samples[first..first + N]) {
+            for (&depth, &c) in self.depth[first..first + N]
+                .iter()
+                .zip(&self.samples[first..first + N])
+            {
                 if depth > 0.0 {
                     even += c & 0x00ff_00ff;
                     green += c >> 8 & 255;
@@ -446,7 +536,10 @@ impl Region {
     /// The region of a box, clipped to the view unless `whole`; none if it lies outside.
     fn of(b: (f32, f32, f32, f32), frame: &Frame, whole: bool) -> Option<Region> {
         let (mut x0, mut y0) = (b.0.floor() as i32, b.1.floor() as i32);
-        let (mut x1, mut y1) = ((b.2.ceil() as i32).saturating_add(1), (b.3.ceil() as i32).saturating_add(1));
+        let (mut x1, mut y1) = (
+            (b.2.ceil() as i32).saturating_add(1),
+            (b.3.ceil() as i32).saturating_add(1),
+        );
         if whole {
             x1 = x1.min(x0.saturating_add(MOST_SIDE as i32 / 4));
             y1 = y1.min(y0.saturating_add(MOST_SIDE as i32 / 4));
@@ -464,6 +557,12 @@ impl Region {
             6000..160_000 => 2,
             _ => 1,
         };
-        Some(Region { x0, y0, width, height, fineness })
+        Some(Region {
+            x0,
+            y0,
+            width,
+            height,
+            fineness,
+        })
     }
 }

@@ -87,7 +87,10 @@ impl Noise {
                 hash_unit((i % count) as i32, (j % count) as i32, octave as u32) * 2.0 - 1.0
             };
             for (at, cell) in cells.iter_mut().enumerate() {
-                let (u, v) = ((at % NOISE_SIDE) as f32 / size, (at / NOISE_SIDE) as f32 / size);
+                let (u, v) = (
+                    (at % NOISE_SIDE) as f32 / size,
+                    (at / NOISE_SIDE) as f32 / size,
+                );
                 let (i, j) = (u as usize, v as usize);
                 let ease = |t: f32| t * t * (3.0 - 2.0 * t);
                 let (a, b) = (ease(u - i as f32), ease(v - j as f32));
@@ -128,7 +131,9 @@ mod tests {
         let noise = Noise::table();
         let side = NOISE_SIDE as f32;
         assert_eq!(noise.at(3.25, 7.5), noise.at(3.25 + side, 7.5 - side));
-        let values: Vec<f32> = (0..1000).map(|i| noise.at(i as f32 * 37.3, i as f32 * 11.9)).collect();
+        let values: Vec<f32> = (0..1000)
+            .map(|i| noise.at(i as f32 * 37.3, i as f32 * 11.9))
+            .collect();
         assert!(values.iter().any(|&v| v > 0.4) && values.iter().any(|&v| v < -0.4));
         assert!(values.iter().all(|v| v.abs() < 1.8));
     }

@@ -35,17 +35,35 @@ pub(crate) struct Tree {
 impl Tree {
     pub fn round(rng: &mut Rng, crowns: usize) -> Tree {
         let radius = rng.range(1.9, 3.9);
-        Tree { crown: rng.below(crowns), radius, height: radius * rng.range(1.15, 1.5), tiers: 1, taper: 1.0 }
+        Tree {
+            crown: rng.below(crowns),
+            radius,
+            height: radius * rng.range(1.15, 1.5),
+            tiers: 1,
+            taper: 1.0,
+        }
     }
 
     pub fn conifer(rng: &mut Rng, crowns: usize) -> Tree {
         let radius = rng.range(1.6, 2.5);
-        Tree { crown: crowns, radius, height: radius * 1.05, tiers: 3, taper: 0.4 }
+        Tree {
+            crown: crowns,
+            radius,
+            height: radius * 1.05,
+            tiers: 3,
+            taper: 0.4,
+        }
     }
 
     pub fn bush(rng: &mut Rng, crowns: usize) -> Tree {
         let radius = rng.range(0.5, 1.2);
-        Tree { crown: rng.below(crowns), radius, height: radius * 0.55, tiers: 1, taper: 1.0 }
+        Tree {
+            crown: rng.below(crowns),
+            radius,
+            height: radius * 0.55,
+            tiers: 1,
+            taper: 1.0,
+        }
     }
 
     /// Height above ground and radius of each crown, from the lowest up.
@@ -63,14 +81,20 @@ impl Tree {
 
 /// Makes a flight's crowns: broad-leaved ones of varied shape and color, then one of needles.
 pub(crate) fn crowns(rng: &mut Rng, palette: &Palette, broad: usize) -> Vec<Crown> {
-    let mut all: Vec<Crown> = (0..broad).map(|i| crown(rng, palette, palette.leaves[i % 4], false)).collect();
+    let mut all: Vec<Crown> = (0..broad)
+        .map(|i| crown(rng, palette, palette.leaves[i % 4], false))
+        .collect();
     all.push(crown(rng, palette, palette.needles, true));
     all
 }
 
 fn direction(rng: &mut Rng) -> V3 {
     loop {
-        let p = v3(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0));
+        let p = v3(
+            rng.range(-1.0, 1.0),
+            rng.range(-1.0, 1.0),
+            rng.range(-1.0, 1.0),
+        );
         if p.length() < 1.0 {
             return p.unit();
         }
@@ -86,7 +110,14 @@ fn crown(rng: &mut Rng, palette: &Palette, leaf: Rgb, needles: bool) -> Crown {
         let bough = |i: usize, rng: &mut Rng| {
             let side = direction(rng);
             let reach = if i == 0 { 0.0 } else { rng.range(0.42, 0.6) };
-            (v3(side.x * reach, side.y * reach, side.z.abs() * reach * 0.75 - 0.12), rng.range(0.42, 0.56))
+            (
+                v3(
+                    side.x * reach,
+                    side.y * reach,
+                    side.z.abs() * reach * 0.75 - 0.12,
+                ),
+                rng.range(0.42, 0.56),
+            )
         };
         (0..n).map(|i| bough(i, rng)).collect()
     };
@@ -113,7 +144,11 @@ fn crown(rng: &mut Rng, palette: &Palette, leaf: Rgb, needles: bool) -> Crown {
                 leaf[1] * light * palette.tint[1],
                 leaf[2] * light * palette.tint[2] / warm,
             ];
-            tufts.push(Tuft { at, radius: rng.range(0.05, 0.115), color });
+            tufts.push(Tuft {
+                at,
+                radius: rng.range(0.05, 0.115),
+                color,
+            });
         }
     }
     Crown { tufts }

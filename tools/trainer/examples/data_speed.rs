@@ -23,7 +23,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let ms = start.elapsed().as_secs_f64() * 1e3 / count as f64;
         println!("round {round}: {ms:.2} ms per pair");
         for (name, (n, seconds)) in dataset.sources().iter().zip(by_source) {
-            println!("  {name}: {:.2} ms ({n})", seconds * 1e3 / f64::from(n.max(1)));
+            println!(
+                "  {name}: {:.2} ms ({n})",
+                seconds * 1e3 / f64::from(n.max(1))
+            );
         }
     }
     Ok(())

@@ -35,7 +35,11 @@ pub fn calibrate(weights: &Weights, dataset: &Dataset, pairs: u64) -> Result<Cal
     for (name, (low, high)) in ends {
         if !(low.is_finite() && high.is_finite()) {
             let what = format!("an input of {name}");
-            return Err(Error::Diverged { step: 0, what, found: f64::from(low) });
+            return Err(Error::Diverged {
+                step: 0,
+                what,
+                found: f64::from(low),
+            });
         }
         histograms.insert(name, Histogram::new(low, high));
     }
@@ -47,23 +51,39 @@ pub fn calibrate(weights: &Weights, dataset: &Dataset, pairs: u64) -> Result<Cal
     let sources = dataset.sources().join(", ");
     Ok(Calibration {
         method: format!("least mean squared error over {pairs} pairs of crops of {sources}"),
-        inputs: histograms.into_iter().map(|(name, histogram)| (name, histogram.best())).collect(),
+        inputs: histograms
+            .into_iter()
+            .map(|(name, histogram)| (name, histogram.best()))
+            .collect(),
     })
 }
 
 /// Passes crops through the network and shows the input of every convolution, both branches.
-fn each_input(network: &mut Network, dataset: &Dataset, pairs: u64, see: &mut dyn FnMut(&str, &[f32])) {
+fn each_input(
+    network: &mut Network,
+    dataset: &Dataset,
+    pairs: u64,
+    see: &mut dyn FnMut(&str, &[f32]),
+) {
     let search_size = network.model().architecture().search_size;
     for i in 0..pairs {
         let sample = dataset.sample(FIRST + i, search_size);
         let template_only = |name: &str| name.contains("template");
         let search_only = |name: &str| name.contains("search") || name.starts_with("head.");
         network.set_template(&sample.template);
-        for (name, map) in network.inputs().into_iter().filter(|(name, _)| !search_only(name)) {
+        for (name, map) in network
+            .inputs()
+            .into_iter()
+            .filter(|(name, _)| !search_only(name))
+        {
             see(&name, map.values());
         }
         network.search(&sample.search);
-        for (name, map) in network.inputs().into_iter().filter(|(name, _)| !template_only(name)) {
+        for (name, map) in network
+            .inputs()
+            .into_iter()
+            .filter(|(name, _)| !template_only(name))
+        {
             see(&name, map.values());
         }
     }
@@ -78,7 +98,11 @@ struct Histogram {
 
 impl Histogram {
     fn new(low: f32, high: f32) -> Histogram {
-        Histogram { low, high: high.max(low + 1e-6), counts: vec![0; BINS] }
+        Histogram {
+            low,
+            high: high.max(low + 1e-6),
+            counts: vec![0; BINS],
+        }
     }
 
     fn width(&self) -> f64 {
@@ -93,9 +117,16 @@ impl Histogram {
     /// The range with the least error.
     fn best(&self) -> Range {
         let shares = || (5..=20).map(|share| share as f32 / 20.0);
-        let lows = if self.low < 0.0 { shares().collect() } else { vec![1.0] };
+        let lows = if self.low < 0.0 {
+            shares().collect()
+        } else {
+            vec![1.0]
+        };
         let ranges = lows.iter().flat_map(|low| {
-            shares().map(move |high| Range { low: low * self.low, high: (high * self.high).max(1e-6) })
+            shares().map(move |high| Range {
+                low: low * self.low,
+                high: (high * self.high).max(1e-6),
+            })
         });
         let best = ranges.min_by(|a, b| self.error(a).total_cmp(&self.error(b)));
         best.expect("there are shares to choose from")
@@ -106,10 +137,21 @@ impl Histogram {
         let step = f64::from(range.high - range.low) / 255.0;
         let cost = |bin: usize| {
             let value = f64::from(self.low) + (bin as f64 + 0.5) * self.width();
-            let outside = (value - f64::from(range.high)).max(f64::from(range.low) - value).max(0.0);
-            outside * outside + if outside > 0.0 { 0.0 } else { step * step / 12.0 }
+            let outside = (value - f64::from(range.high))
+                .max(f64::from(range.low) - value)
+                .max(0.0);
+            outside * outside
+                + if outside > 0.0 {
+                    0.0
+                } else {
+                    step * step / 12.0
+                }
         };
-        self.counts.iter().enumerate().map(|(bin, count)| *count as f64 * cost(bin)).sum()
+        self.counts
+            .iter()
+            .enumerate()
+            .map(|(bin, count)| *count as f64 * cost(bin))
+            .sum()
     }
 }
 
@@ -123,7 +165,13 @@ mod tests {
     fn ends_are_drawn_in_only_where_it_pays() {
         let mut even = Histogram::new(-1.0, 1.0);
         (0..10_000).for_each(|i| even.add(i as f32 / 5000.0 - 1.0));
-        assert_eq!(even.best(), Range { low: -1.0, high: 1.0 });
+        assert_eq!(
+            even.best(),
+            Range {
+                low: -1.0,
+                high: 1.0
+            }
+        );
         let mut outlier = Histogram::new(0.0, 100.0);
         (0..1_000_000).for_each(|i| outlier.add((i % 100) as f32 / 100.0));
         outlier.add(100.0);
@@ -134,7 +182,10 @@ mod tests {
     #[test]
     fn every_convolution_but_the_first_and_the_outputs() {
         let weights = Weights::random(standard(0.9), 3);
-        let options = DataOptions { seed: 1, ..DataOptions::default() };
+        let options = DataOptions {
+            seed: 1,
+            ..DataOptions::default()
+        };
         let dataset = Dataset::open(&["scenes".parse().unwrap()], options).unwrap();
         let calibration = calibrate(&weights, &dataset, 2).unwrap();
         let names: Vec<_> = calibration.inputs.keys().map(String::as_str).collect();

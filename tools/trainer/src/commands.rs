@@ -14,7 +14,9 @@ use weights_format::{Storage, TrackerParams, Weights};
 
 /// `fit`.
 pub fn fit(args: &args::Fit) -> Result<(), Error> {
-    let run = args.behavior.run_options(&args.out, args.validate_minutes)?;
+    let run = args
+        .behavior
+        .run_options(&args.out, args.validate_minutes)?;
     let init = args.init.as_ref().map(|path| Fit::open(path)).transpose()?;
     let mut fit = match &args.resume {
         Some(checkpoint) => Fit::resume(checkpoint)?,
@@ -27,7 +29,11 @@ pub fn fit(args: &args::Fit) -> Result<(), Error> {
     if let (Some(init), Some(path)) = (&init, &args.init) {
         let fresh = fit.take_over(init);
         if !fresh.is_empty() {
-            eprintln!("not in {}, so begun anew: {}", path.display(), fresh.join(", "));
+            eprintln!(
+                "not in {}, so begun anew: {}",
+                path.display(),
+                fresh.join(", ")
+            );
         }
     }
     let dataset = dataset_of(&fit)?;
@@ -50,7 +56,9 @@ pub fn prune(args: &args::Prune) -> Result<(), Error> {
     let ranks = Ranks::measure(&source, &dataset, args.pairs, threads)?;
     let mut pruned = prune_by_rank(&source, &ranks, &targets)?;
     if !args.data.data.is_empty() {
-        pruned.fit.train_on(args.data.data.clone(), args.data.options()?);
+        pruned
+            .fit
+            .train_on(args.data.data.clone(), args.data.options()?);
     }
     pruned.fit.save(&args.out)?;
     println!("{pruned}{}", args.out.display());
@@ -62,10 +70,19 @@ pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
     let ratios = args.ratios()?;
     let run = args.behavior.run_options(&args.out, f64::MAX)?;
     let mut source = Fit::open(&args.init)?;
-    let options = args.training.options(Some(source.network().architecture()), args.data.seed)?;
+    let options = args
+        .training
+        .options(Some(source.network().architecture()), args.data.seed)?;
     let options = args::comparable(options)?;
     let data = (&args.data.data[..], &args.data.options()?);
-    let study = sweep_of(&mut source, &ratios, &options, data, args.rank_pairs, (&run.out, run.threads))?;
+    let study = sweep_of(
+        &mut source,
+        &ratios,
+        &options,
+        data,
+        args.rank_pairs,
+        (&run.out, run.threads),
+    )?;
     finish(&study, &run)
 }
 
@@ -73,7 +90,13 @@ pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
 pub fn ablate(args: &args::Ablate) -> Result<(), Error> {
     let run = args.behavior.run_options(&args.out, f64::MAX)?;
     let options = args::comparable(args.training.options(None, args.data.seed)?)?;
-    let study = ablation(&options, &args.data.data, &args.data.options()?, &args.seeds, &args.variants);
+    let study = ablation(
+        &options,
+        &args.data.data,
+        &args.data.options()?,
+        &args.seeds,
+        &args.variants,
+    );
     finish(&study, &run)
 }
 
@@ -88,7 +111,10 @@ fn finish(study: &Study, run: &RunOptions) -> Result<(), Error> {
 fn dataset_of(fit: &Fit) -> Result<Arc<Dataset>, Error> {
     let position = fit.position();
     let specs: Result<Vec<_>, _> = position.data.iter().map(|text| text.parse()).collect();
-    Ok(Arc::new(Dataset::open(&specs?, position.data_options.clone())?))
+    Ok(Arc::new(Dataset::open(
+        &specs?,
+        position.data_options.clone(),
+    )?))
 }
 
 /// `average`.
@@ -112,12 +138,16 @@ pub fn export(args: &args::Export) -> Result<(), Error> {
         let found = validation.run(&fit.export(Storage::F32, &args.name, None)?, 2)?;
         for (name, in_train, accuracy) in &found.clips {
             let mark = if *in_train { "*" } else { "" };
-            println!("{:32} {:6.1} {:6.1} {mark}", name, accuracy.precision, accuracy.auc);
+            println!(
+                "{:32} {:6.1} {:6.1} {mark}",
+                name, accuracy.precision, accuracy.auc
+            );
         }
         println!("{found}");
         report = Some(found);
     }
-    fit.export(storage, &args.name, report.as_ref())?.write(&args.out)?;
+    fit.export(storage, &args.name, report.as_ref())?
+        .write(&args.out)?;
     println!("{}", args.out.display());
     Ok(())
 }
@@ -137,8 +167,12 @@ pub fn quantize(args: args::Measure) -> Result<(), Error> {
 /// What is learned while tracking, and where its share stands, in the order of tuning.
 type Share = (&'static str, fn(&mut TrackerParams, f64));
 const WHILE_TRACKING: [Share; 2] = [
-    ("template update", |tracker, share| tracker.template_update = share),
-    ("online filter", |tracker, share| tracker.online_filter = share),
+    ("template update", |tracker, share| {
+        tracker.template_update = share
+    }),
+    ("online filter", |tracker, share| {
+        tracker.online_filter = share
+    }),
 ];
 
 /// `tune`.
@@ -190,7 +224,13 @@ fn measure(
 /// `show`.
 pub fn show(args: &args::Show) -> Result<(), Error> {
     let dataset = args.data.open()?;
-    let args::Show { search_size, first, sheets, out, .. } = args;
+    let args::Show {
+        search_size,
+        first,
+        sheets,
+        out,
+        ..
+    } = args;
     for path in trainer::show::write_sheets(&dataset, *search_size, *first, *sheets, out)? {
         println!("{}", path.display());
     }

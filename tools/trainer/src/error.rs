@@ -76,12 +76,24 @@ impl Error {
         move |error| Error::Io { path, error }
     }
 
-    pub(crate) fn file(path: impl Into<PathBuf>, expected: impl ToString, found: impl ToString) -> Error {
-        Error::File { path: path.into(), expected: expected.to_string(), found: brief(found) }
+    pub(crate) fn file(
+        path: impl Into<PathBuf>,
+        expected: impl ToString,
+        found: impl ToString,
+    ) -> Error {
+        Error::File {
+            path: path.into(),
+            expected: expected.to_string(),
+            found: brief(found),
+        }
     }
 
     pub(crate) fn option(option: &str, expected: impl ToString, found: impl ToString) -> Error {
-        Error::Option { option: option.into(), expected: expected.to_string(), found: brief(found) }
+        Error::Option {
+            option: option.into(),
+            expected: expected.to_string(),
+            found: brief(found),
+        }
     }
 }
 
@@ -89,8 +101,11 @@ impl Error {
 pub(crate) fn brief(text: impl ToString) -> String {
     const LONGEST: usize = 200;
     let text = text.to_string();
-    let mut short: String =
-        text.chars().take(LONGEST).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    let mut short: String = text
+        .chars()
+        .take(LONGEST)
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect();
     if text.chars().nth(LONGEST).is_some() {
         short.push_str("...");
     }

@@ -66,7 +66,9 @@ impl Rng {
     pub fn weighted(&mut self, cumulative: &[f64]) -> usize {
         let total = cumulative.last().copied().unwrap_or_default();
         let at = (self.bits() >> 11) as f64 / (1u64 << 53) as f64 * total;
-        cumulative.partition_point(|sum| *sum <= at).min(cumulative.len().saturating_sub(1))
+        cumulative
+            .partition_point(|sum| *sum <= at)
+            .min(cumulative.len().saturating_sub(1))
     }
 
     /// Normal with mean 0 and variance 1.

@@ -27,30 +27,48 @@ pub fn write_sheets(
     std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
     let mut paths = Vec::new();
     for sheet in 0..sheets {
-        let (cell_w, cell_h) = (TEMPLATE + search_size as u32 + 3 * GAP, search_size.max(260) as u32 + GAP);
-        let mut image = RgbImage::from_pixel(cell_w * COLUMNS as u32, cell_h * ROWS as u32, Rgb([24; 3]));
+        let (cell_w, cell_h) = (
+            TEMPLATE + search_size as u32 + 3 * GAP,
+            search_size.max(260) as u32 + GAP,
+        );
+        let mut image =
+            RgbImage::from_pixel(cell_w * COLUMNS as u32, cell_h * ROWS as u32, Rgb([24; 3]));
         for i in 0..COLUMNS * ROWS {
             let index = first + (sheet * COLUMNS * ROWS + i) as u64;
             let at = ((i % COLUMNS) as u32 * cell_w, (i / COLUMNS) as u32 * cell_h);
             draw(&mut image, at, &dataset.sample(index, search_size));
         }
         let path = folder.join(format!("pairs-{sheet:02}.png"));
-        image.save(&path).map_err(|error| Error::file(&path, "a file to write", error))?;
+        image
+            .save(&path)
+            .map_err(|error| Error::file(&path, "a file to write", error))?;
         paths.push(path);
     }
     Ok(paths)
 }
 
 fn draw(image: &mut RgbImage, (x, y): (u32, u32), sample: &Sample) {
-    const SOURCES: [[u8; 3]; 6] =
-        [[70, 160, 255], [255, 190, 60], [170, 110, 255], [90, 220, 160], [255, 120, 160], [200, 200, 200]];
+    const SOURCES: [[u8; 3]; 6] = [
+        [70, 160, 255],
+        [255, 190, 60],
+        [170, 110, 255],
+        [90, 220, 160],
+        [255, 120, 160],
+        [200, 200, 200],
+    ];
     let side = sample.search_size as u32;
     put(image, (x, y), &sample.template, TEMPLATE);
     put(image, (x, y + TEMPLATE + GAP), &sample.again, TEMPLATE);
     let left = x + TEMPLATE + GAP;
     put(image, (left, y), &sample.search, side);
-    let color = if sample.negative { Rgb([255, 40, 40]) } else { Rgb([40, 255, 40]) };
-    let [x0, y0, x1, y1] = sample.corners.map(|v| (v.round().max(0.0) as u32).min(side - 1));
+    let color = if sample.negative {
+        Rgb([255, 40, 40])
+    } else {
+        Rgb([40, 255, 40])
+    };
+    let [x0, y0, x1, y1] = sample
+        .corners
+        .map(|v| (v.round().max(0.0) as u32).min(side - 1));
     for i in x0..=x1 {
         image.put_pixel(left + i, y + y0, color);
         image.put_pixel(left + i, y + y1, color);
@@ -60,7 +78,11 @@ fn draw(image: &mut RgbImage, (x, y): (u32, u32), sample: &Sample) {
         image.put_pixel(left + x1, y + j, color);
     }
     for j in 0..side {
-        image.put_pixel(left + side + 1, y + j, Rgb(SOURCES[sample.source % SOURCES.len()]));
+        image.put_pixel(
+            left + side + 1,
+            y + j,
+            Rgb(SOURCES[sample.source % SOURCES.len()]),
+        );
     }
 }
 

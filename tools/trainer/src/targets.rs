@@ -16,8 +16,14 @@ pub struct Cells {
 impl Cells {
     /// The cells of an architecture for search crops of a size.
     pub fn of(architecture: &Architecture, search_size: usize) -> Cells {
-        let architecture = Architecture { search_size, ..*architecture };
-        Cells { side: architecture.score_size(), first: architecture.score_offset() }
+        let architecture = Architecture {
+            search_size,
+            ..*architecture
+        };
+        Cells {
+            side: architecture.score_size(),
+            first: architecture.score_offset(),
+        }
     }
 
     /// Coordinate of row or column `i`.
@@ -83,9 +89,21 @@ mod tests {
 
     #[test]
     fn grids() {
-        assert_eq!(cells(303), Cells { side: 17, first: 87 });
+        assert_eq!(
+            cells(303),
+            Cells {
+                side: 17,
+                first: 87
+            }
+        );
         assert_eq!(cells(239), Cells { side: 9, first: 87 });
-        assert_eq!(cells(271), Cells { side: 13, first: 87 });
+        assert_eq!(
+            cells(271),
+            Cells {
+                side: 13,
+                first: 87
+            }
+        );
     }
 
     #[test]
@@ -99,7 +117,10 @@ mod tests {
         assert!((quality[first] - 0.0347128).abs() < 1e-6);
         assert!((quality[7 * 17 + 8] - 0.9092422).abs() < 1e-6); // (151, 143)
         assert!((quality.iter().sum::<f32>() - 41.13872).abs() < 1e-3);
-        assert_eq!(targets.boxes.data()[4 * first..][..4], [100.0, 100.0, 200.0, 180.0]);
+        assert_eq!(
+            targets.boxes.data()[4 * first..][..4],
+            [100.0, 100.0, 200.0, 180.0]
+        );
         assert_eq!(targets.boxes.data()[..4], [0.0; 4]);
     }
 

@@ -11,7 +11,8 @@ impl Folder {
     pub fn new(name: &str) -> Folder {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("trainer-{name}-{}-{number}", std::process::id()));
+        let path =
+            std::env::temp_dir().join(format!("trainer-{name}-{}-{number}", std::process::id()));
         std::fs::create_dir_all(&path).unwrap();
         Folder(path)
     }
@@ -38,7 +39,10 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     if found.exists() {
         return Some(found);
     }
-    eprintln!("SKIPPED: {} is not here (set TRACK_CPU_SHARED to the reference data)", found.display());
+    eprintln!(
+        "SKIPPED: {} is not here (set TRACK_CPU_SHARED to the reference data)",
+        found.display()
+    );
     None
 }
 
@@ -56,7 +60,9 @@ pub fn pictures(folder: &Folder) -> String {
                 image::Rgb([90, 110 + 20 * stripes, 70])
             }
         });
-        picture.save(folder.path().join(format!("{i}.png"))).unwrap();
+        picture
+            .save(folder.path().join(format!("{i}.png")))
+            .unwrap();
         text += &format!("{i}.png,{x},{y},{w},{h}\n");
     }
     let file = folder.path().join("boxes.csv");

@@ -24,12 +24,20 @@ const LOOKS: usize = 3;
 ///
 /// # Errors
 /// If the weights are not those of a network that can run, or no target of the data is seen at two moments.
-pub fn correction(weights: &Weights, dataset: &Dataset, pairs: u64) -> Result<[f64; SHARES.len()], Error> {
+pub fn correction(
+    weights: &Weights,
+    dataset: &Dataset,
+    pairs: u64,
+) -> Result<[f64; SHARES.len()], Error> {
     let model = Model::from_weights(weights, Isa::detect())?;
     let mut sums = [0.0; SHARES.len()];
     for index in FIRST..FIRST + pairs {
         let (first, second) = dataset.moments(index).ok_or_else(|| {
-            Error::option("--data", "targets that are seen at two moments", dataset.sources().join(", "))
+            Error::option(
+                "--data",
+                "targets that are seen at two moments",
+                dataset.sources().join(", "),
+            )
         })?;
         let truth = second.bbox;
         let mut rng = Rng::new(dataset.options().seed, 0x70e5, index);
@@ -39,9 +47,17 @@ pub fn correction(weights: &Weights, dataset: &Dataset, pairs: u64) -> Result<[f
         let stretch = rng.factor(0.1);
         (near.w, near.h) = (near.w * stretch, near.h * stretch);
         for (share, sum) in SHARES.into_iter().zip(&mut sums) {
-            let config = TrackConfig { correction: share, ..model.config() };
-            let mut tracker =
-                Tracker::with_options(model.clone(), TrackerOptions { config, ..TrackerOptions::of(&model) });
+            let config = TrackConfig {
+                correction: share,
+                ..model.config()
+            };
+            let mut tracker = Tracker::with_options(
+                model.clone(),
+                TrackerOptions {
+                    config,
+                    ..TrackerOptions::of(&model)
+                },
+            );
             tracker.init(&first.picture.frame(), first.bbox)?;
             tracker.place(near);
             let mut found = truth;
@@ -82,7 +98,11 @@ mod tests {
     fn boxes_of_a_network_that_errs_are_mended() {
         // A network that says the same whatever it sees: only the first frame tells that not everything has one size.
         let mut weights = Weights::random(standard(0.9), 3);
-        for (name, bias) in [("head.score", 3.0), ("head.centerness", 3.0), ("head.offsets", 1.5)] {
+        for (name, bias) in [
+            ("head.score", 3.0),
+            ("head.centerness", 3.0),
+            ("head.offsets", 1.5),
+        ] {
             for (part, value) in [("weight", 0.0), ("bias", bias)] {
                 let name = format!("{name}.{part}");
                 let mut tensor = weights.tensor(&name).expect("a layer").clone();
@@ -90,7 +110,10 @@ mod tests {
                 weights.insert(name, tensor);
             }
         }
-        let options = DataOptions { seed: 1, ..DataOptions::default() };
+        let options = DataOptions {
+            seed: 1,
+            ..DataOptions::default()
+        };
         let dataset = Dataset::open(&["scenes".parse().unwrap()], options).unwrap();
         let found = correction(&weights, &dataset, 4).unwrap();
         assert!(found[5] > found[0] + 0.05, "{found:?}");

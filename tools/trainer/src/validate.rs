@@ -55,14 +55,21 @@ pub struct Report {
 impl Report {
     /// The one number to compare by: AUC of the cleanest real sequences there are, or else of the flights.
     pub fn score(&self) -> Option<f64> {
-        self.clean.or(self.real).or(self.flights).map(|accuracy| accuracy.auc)
+        self.clean
+            .or(self.real)
+            .or(self.flights)
+            .map(|accuracy| accuracy.auc)
     }
 }
 
 impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "precision/AUC")?;
-        for (name, accuracy) in [("clean", self.clean), ("real", self.real), ("flights", self.flights)] {
+        for (name, accuracy) in [
+            ("clean", self.clean),
+            ("real", self.real),
+            ("flights", self.flights),
+        ] {
             if let Some(Accuracy { precision, auc }) = accuracy {
                 write!(f, " {name} {precision:.1}/{auc:.1}")?;
             }
@@ -79,7 +86,11 @@ impl Validation {
     ///
     /// # Errors
     /// If a folder cannot be read, or holds no sequence.
-    pub fn open(folders: &[PathBuf], flights: usize, max_frames: usize) -> Result<Validation, Error> {
+    pub fn open(
+        folders: &[PathBuf],
+        flights: usize,
+        max_frames: usize,
+    ) -> Result<Validation, Error> {
         let mut clips = Vec::new();
         for folder in folders {
             let mut skipped = Skipped::default();
@@ -88,14 +99,23 @@ impl Validation {
             let usable: Vec<_> = found.into_iter().filter(|s| s.boxes[0].is_some()).collect();
             if usable.is_empty() {
                 let (data, what) = (folder.display().to_string(), "sequence".into());
-                return Err(Error::NoData { data, what, skipped: skipped.count() });
+                return Err(Error::NoData {
+                    data,
+                    what,
+                    skipped: skipped.count(),
+                });
             }
             clips.extend(usable.into_iter().map(Clip::Video));
         }
         for i in 0..flights {
             let difficulty = [Difficulty::Easy, Difficulty::Medium, Difficulty::Hard][i % 3];
             let (seed, frames) = (FLIGHT_SEED + i as u64, max_frames.clamp(2, 120));
-            clips.push(Clip::Flight(FlightConfig { seed, frames, difficulty, ..FlightConfig::default() }));
+            clips.push(Clip::Flight(FlightConfig {
+                seed,
+                frames,
+                difficulty,
+                ..FlightConfig::default()
+            }));
         }
         Ok(Validation { clips, max_frames })
     }
@@ -117,7 +137,9 @@ impl Validation {
             let mut found = Vec::new();
             loop {
                 let i = next.fetch_add(1, Ordering::Relaxed);
-                let Some(clip) = self.clips.get(i) else { return found };
+                let Some(clip) = self.clips.get(i) else {
+                    return found;
+                };
                 if let Some(accuracy) = clip.track(&model, self.max_frames) {
                     found.push((i, accuracy));
                 }
@@ -125,11 +147,19 @@ impl Validation {
         };
         let mut found: Vec<(usize, Accuracy)> = std::thread::scope(|scope| {
             let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(work)).collect();
-            workers.into_iter().flat_map(|worker| worker.join().expect("tracking does not panic")).collect()
+            workers
+                .into_iter()
+                .flat_map(|worker| worker.join().expect("tracking does not panic"))
+                .collect()
         });
         found.sort_by_key(|(i, _)| *i);
         let mean = |select: &dyn Fn(&Clip) -> bool| {
-            mean(found.iter().filter(|(i, _)| select(&self.clips[*i])).map(|(_, accuracy)| *accuracy))
+            mean(
+                found
+                    .iter()
+                    .filter(|(i, _)| select(&self.clips[*i]))
+                    .map(|(_, accuracy)| *accuracy),
+            )
         };
         Ok(Report {
             clean: mean(&|clip| matches!(clip, Clip::Video(sequence) if !sequence.in_train)),
@@ -148,7 +178,11 @@ impl Clip {
     fn name(&self) -> String {
         match self {
             Clip::Video(sequence) => sequence.name.clone(),
-            Clip::Flight(config) => format!("flight {} {:?}", config.seed - FLIGHT_SEED, config.difficulty),
+            Clip::Flight(config) => format!(
+                "flight {} {:?}",
+                config.seed - FLIGHT_SEED,
+                config.difficulty
+            ),
         }
     }
 
@@ -158,7 +192,10 @@ impl Clip {
 
     /// One pass with one tracker; `None` if its first frame cannot be used.
     fn track(&self, model: &Model, max_frames: usize) -> Option<Accuracy> {
-        let mut run = Run { tracker: Tracker::new(model.clone()), pairs: Vec::new() };
+        let mut run = Run {
+            tracker: Tracker::new(model.clone()),
+            pairs: Vec::new(),
+        };
         match self {
             Clip::Video(sequence) => {
                 let frames = sequence.frames.iter().zip(&sequence.boxes).take(max_frames);
@@ -213,9 +250,22 @@ impl Run {
 /// Accuracy of `(found, true)` boxes in pictures of a `scale`.
 fn accuracy(pairs: &[(BBox, BBox)], scale: f32) -> Accuracy {
     let percent = |hits: usize| 100.0 * hits as f64 / pairs.len().max(1) as f64;
-    let near = pairs.iter().filter(|(a, b)| a.center_distance(b) / scale <= 20.0).count();
-    let success = |i: i32| percent(pairs.iter().filter(|(a, b)| a.iou(b) > i as f32 * 0.05).count());
-    Accuracy { precision: percent(near), auc: (0..21).map(success).sum::<f64>() / 21.0 }
+    let near = pairs
+        .iter()
+        .filter(|(a, b)| a.center_distance(b) / scale <= 20.0)
+        .count();
+    let success = |i: i32| {
+        percent(
+            pairs
+                .iter()
+                .filter(|(a, b)| a.iou(b) > i as f32 * 0.05)
+                .count(),
+        )
+    };
+    Accuracy {
+        precision: percent(near),
+        auc: (0..21).map(success).sum::<f64>() / 21.0,
+    }
 }
 
 fn mean(of: impl Iterator<Item = Accuracy>) -> Option<Accuracy> {
@@ -235,11 +285,18 @@ mod tests {
     fn accuracy_of_known_boxes() {
         let truth = BBox::new(10.0, 10.0, 40.0, 40.0);
         let perfect = accuracy(&[(truth, truth); 3], 1.0);
-        assert!((perfect.precision - 100.0).abs() < 1e-9 && (perfect.auc - 100.0 * 20.0 / 21.0).abs() < 1e-9);
+        assert!(
+            (perfect.precision - 100.0).abs() < 1e-9
+                && (perfect.auc - 100.0 * 20.0 / 21.0).abs() < 1e-9
+        );
         let beside = BBox::new(32.0, 10.0, 40.0, 40.0); // 22 pixels off, IoU 18 / 62
         let mixed = accuracy(&[(truth, truth), (beside, truth)], 1.0);
         assert!((mixed.precision - 50.0).abs() < 1e-9);
-        assert!((mixed.auc - (20.0 * 50.0 + 6.0 * 50.0) / 21.0).abs() < 1e-9, "{}", mixed.auc);
+        assert!(
+            (mixed.auc - (20.0 * 50.0 + 6.0 * 50.0) / 21.0).abs() < 1e-9,
+            "{}",
+            mixed.auc
+        );
         assert_eq!(accuracy(&[(beside, truth)], 2.0).precision, 100.0);
     }
 
@@ -248,7 +305,10 @@ mod tests {
         let validation = Validation::open(&[], 2, 24).unwrap();
         let random = Weights::random(crate::fit::standard(0.9), 1);
         let report = validation.run(&random, 2).unwrap();
-        assert_eq!((report.clips.len(), report.clean, report.real), (2, None, None));
+        assert_eq!(
+            (report.clips.len(), report.clean, report.real),
+            (2, None, None)
+        );
         assert_eq!(report.score(), report.flights.map(|a| a.auc));
         assert!(report.flights.unwrap().auc < 90.0, "{report}");
     }

@@ -48,7 +48,12 @@ fn text(bytes: &[u8]) -> String {
 }
 
 fn succeed(output: &Output) {
-    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}{}",
+        text(&output.stdout),
+        text(&output.stderr)
+    );
 }
 
 const TINY: [&str; 14] = [
@@ -71,7 +76,11 @@ const TINY: [&str; 14] = [
 #[test]
 fn a_killed_run_goes_on_to_the_same_weights() {
     let folder = Folder::new("resume");
-    let (data, straight, killed) = (folder.at("boxes.csv"), folder.at("straight"), folder.at("killed"));
+    let (data, straight, killed) = (
+        folder.at("boxes.csv"),
+        folder.at("straight"),
+        folder.at("killed"),
+    );
     let fit = |out: &str, more: &[&str]| {
         let mut command = train(&["fit", "--data", &data, "--out", out]);
         command.args(TINY).args(more);
@@ -79,15 +88,24 @@ fn a_killed_run_goes_on_to_the_same_weights() {
     };
     let output = fit(&straight, &[]).output().unwrap();
     succeed(&output);
-    assert!(text(&output.stderr).contains("missing.png is missing"), "{}", text(&output.stderr));
+    assert!(
+        text(&output.stderr).contains("missing.png is missing"),
+        "{}",
+        text(&output.stderr)
+    );
     assert_eq!(
         text(&output.stdout).trim(),
-        Path::new(&straight).join("weights.safetensors").to_str().unwrap()
+        Path::new(&straight)
+            .join("weights.safetensors")
+            .to_str()
+            .unwrap()
     );
 
     // A checkpoint after every step; killed as soon as there are a few.
-    let mut child =
-        fit(&killed, &["--checkpoint-minutes", "0"]).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let mut child = fit(&killed, &["--checkpoint-minutes", "0"])
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
     let log = Path::new(&killed).join("log.jsonl");
     let checkpoint = Path::new(&killed).join("checkpoint.safetensors");
     let start = Instant::now();
@@ -97,9 +115,16 @@ fn a_killed_run_goes_on_to_the_same_weights() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(log.exists() && !Path::new(&killed).join("weights.safetensors").exists(), "killed too late");
+    assert!(
+        log.exists() && !Path::new(&killed).join("weights.safetensors").exists(),
+        "killed too late"
+    );
     let checkpoint = checkpoint.display().to_string();
-    succeed(&train(&["fit", "--resume", &checkpoint, "--out", &killed]).output().unwrap());
+    succeed(
+        &train(&["fit", "--resume", &checkpoint, "--out", &killed])
+            .output()
+            .unwrap(),
+    );
 
     let read = |out: &str| Weights::read(&Path::new(out).join("weights.safetensors")).unwrap();
     let (a, b) = (read(&straight), read(&killed));
@@ -107,13 +132,34 @@ fn a_killed_run_goes_on_to_the_same_weights() {
     assert_eq!(a.header.provenance.notes["steps"], "30");
     assert_eq!(a.header.input.mean, [114.0; 3]);
 
-    let final_checkpoint = Path::new(&killed).join("final.safetensors").display().to_string();
+    let final_checkpoint = Path::new(&killed)
+        .join("final.safetensors")
+        .display()
+        .to_string();
     let exported = folder.at("half.safetensors");
-    succeed(&train(&["export", &final_checkpoint, "--out", &exported, "--name", "tiny"]).output().unwrap());
+    succeed(
+        &train(&[
+            "export",
+            &final_checkpoint,
+            "--out",
+            &exported,
+            "--name",
+            "tiny",
+        ])
+        .output()
+        .unwrap(),
+    );
     let half = Weights::read(Path::new(&exported)).unwrap();
-    assert_eq!((half.header.storage, &half.header.provenance.name[..]), (Storage::F16, "tiny"));
+    assert_eq!(
+        (half.header.storage, &half.header.provenance.name[..]),
+        (Storage::F16, "tiny")
+    );
     for ((name, full), (_, half)) in a.tensors().zip(half.tensors()) {
-        let worst = full.data.iter().zip(&half.data).map(|(f, h)| (f - h).abs() / f.abs().max(1e-3));
+        let worst = full
+            .data
+            .iter()
+            .zip(&half.data)
+            .map(|(f, h)| (f - h).abs() / f.abs().max(1e-3));
         assert!(worst.fold(0.0, f32::max) < 1e-3, "{name}");
     }
 }
@@ -122,31 +168,102 @@ fn a_killed_run_goes_on_to_the_same_weights() {
 fn what_makes_no_sense_is_refused() {
     let folder = Folder::new("refused");
     let (data, out) = (folder.at("boxes.csv"), folder.at("out"));
-    std::fs::write(folder.at("empty.csv"), "path,x,y,w,h\nmissing.png,1,1,9,9\n").unwrap();
+    std::fs::write(
+        folder.at("empty.csv"),
+        "path,x,y,w,h\nmissing.png,1,1,9,9\n",
+    )
+    .unwrap();
     std::fs::write(folder.at("columns.csv"), "path,x,y,w\n").unwrap();
     std::fs::create_dir(folder.at("nothing")).unwrap();
-    let (empty, columns, nothing) = (folder.at("empty.csv"), folder.at("columns.csv"), folder.at("nothing"));
+    let (empty, columns, nothing) = (
+        folder.at("empty.csv"),
+        folder.at("columns.csv"),
+        folder.at("nothing"),
+    );
     let zero = format!("{data}:0");
     for (args, code, message) in [
         (&["fit", "--out", &out][..], 2, "at least one source"),
-        (&["fit", "--out", &out, "--data", &zero], 2, "a share above 0"),
-        (&["fit", "--out", &out, "--data", &data, "--batch", "1"], 2, "--batch"),
-        (&["fit", "--out", &out, "--data", &data, "--ratio", "1"], 2, "--ratio"),
-        (&["fit", "--out", &out, "--data", &data, "--augment", "wild"], 2, "none, light or strong"),
-        (&["fit", "--out", &out, "--data", &data, "--minutes", "NaN"], 2, "--minutes"),
-        (&["fit", "--out", &out, "--data", &data, "--search-size", "130"], 4, "search_size"),
+        (
+            &["fit", "--out", &out, "--data", &zero],
+            2,
+            "a share above 0",
+        ),
+        (
+            &["fit", "--out", &out, "--data", &data, "--batch", "1"],
+            2,
+            "--batch",
+        ),
+        (
+            &["fit", "--out", &out, "--data", &data, "--ratio", "1"],
+            2,
+            "--ratio",
+        ),
+        (
+            &["fit", "--out", &out, "--data", &data, "--augment", "wild"],
+            2,
+            "none, light or strong",
+        ),
+        (
+            &["fit", "--out", &out, "--data", &data, "--minutes", "NaN"],
+            2,
+            "--minutes",
+        ),
+        (
+            &[
+                "fit",
+                "--out",
+                &out,
+                "--data",
+                &data,
+                "--search-size",
+                "130",
+            ],
+            4,
+            "search_size",
+        ),
         (&["fit", "--out", &out, "--data", "none.csv"], 3, "none.csv"),
-        (&["fit", "--out", &out, "--data", &empty], 4, "found none (1 skipped)"),
-        (&["fit", "--out", &out, "--data", &columns], 4, "column \"h\""),
+        (
+            &["fit", "--out", &out, "--data", &empty],
+            4,
+            "found none (1 skipped)",
+        ),
+        (
+            &["fit", "--out", &out, "--data", &columns],
+            4,
+            "column \"h\"",
+        ),
         (&["fit", "--out", &out, "--data", &nothing], 4, "found none"),
-        (&["fit", "--out", &out, "--data", &data, "--validate", &nothing], 4, "sequence"),
-        (&["fit", "--out", &out, "--resume", &data], 4, "a training checkpoint"),
-        (&["export", &data, "--out", &out], 4, "a training checkpoint"),
+        (
+            &[
+                "fit",
+                "--out",
+                &out,
+                "--data",
+                &data,
+                "--validate",
+                &nothing,
+            ],
+            4,
+            "sequence",
+        ),
+        (
+            &["fit", "--out", &out, "--resume", &data],
+            4,
+            "a training checkpoint",
+        ),
+        (
+            &["export", &data, "--out", &out],
+            4,
+            "a training checkpoint",
+        ),
         (&["export", "none", "--out", &out], 3, "none"),
     ] {
         let output = train(args).output().unwrap();
         let stderr = text(&output.stderr);
-        assert!(stderr.contains(message), "{args:?} says {stderr:?}, expected {message:?}");
+        assert!(
+            stderr.contains(message),
+            "{args:?} says {stderr:?}, expected {message:?}"
+        );
         assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
         assert!(output.stdout.is_empty());
     }
@@ -155,25 +272,47 @@ fn what_makes_no_sense_is_refused() {
 #[test]
 fn bad_data_are_named_and_counted() {
     let folder = Folder::new("bad");
-    let (out, bad, sequences) = (folder.at("out"), folder.at("bad.csv"), folder.at("sequences"));
-    let mut rows =
-        String::from("path,x,y,w,h\nmissing.png,1,1,9,9\n0.png,NaN,1,9,9\n0.png,1,1,0,9\n0.png,1,1\n");
+    let (out, bad, sequences) = (
+        folder.at("out"),
+        folder.at("bad.csv"),
+        folder.at("sequences"),
+    );
+    let mut rows = String::from(
+        "path,x,y,w,h\nmissing.png,1,1,9,9\n0.png,NaN,1,9,9\n0.png,1,1,0,9\n0.png,1,1\n",
+    );
     for i in 0..4 {
         // Half a picture.
         let bytes = std::fs::read(folder.at(&format!("{i}.png"))).unwrap();
-        std::fs::write(folder.at(&format!("half{i}.png")), &bytes[..bytes.len() / 2]).unwrap();
+        std::fs::write(
+            folder.at(&format!("half{i}.png")),
+            &bytes[..bytes.len() / 2],
+        )
+        .unwrap();
         rows += &format!("{i}.png,30,40,30,25\nhalf{i}.png,30,40,30,25\n");
     }
     std::fs::write(&bad, &rows).unwrap();
-    for (name, boxes) in [("good", "30,40,30,25\nNaN,NaN,NaN,NaN\n"), ("short", "30,40,30,25\n30,40,30\n")] {
+    for (name, boxes) in [
+        ("good", "30,40,30,25\nNaN,NaN,NaN,NaN\n"),
+        ("short", "30,40,30,25\n30,40,30\n"),
+    ] {
         let sequence = Path::new(&sequences).join(name);
         std::fs::create_dir_all(sequence.join("img")).unwrap();
         for i in 0..2 {
-            std::fs::copy(folder.at(&format!("{i}.png")), sequence.join(format!("img/{i}.png"))).unwrap();
+            std::fs::copy(
+                folder.at(&format!("{i}.png")),
+                sequence.join(format!("img/{i}.png")),
+            )
+            .unwrap();
         }
         std::fs::write(sequence.join("groundtruth_rect.txt"), boxes).unwrap();
     }
-    let fit = |more: &[&str]| train(&["fit", "--out", &out]).args(more).args(TINY).output().unwrap();
+    let fit = |more: &[&str]| {
+        train(&["fit", "--out", &out])
+            .args(more)
+            .args(TINY)
+            .output()
+            .unwrap()
+    };
     let output = fit(&["--data", &bad, "--data", &sequences]);
     succeed(&output);
     let stderr = text(&output.stderr);
@@ -218,7 +357,12 @@ fn bad_data_are_named_and_counted() {
         &["export", &checkpoint, "--out", &out],
     ] {
         let output = train(args).output().unwrap();
-        assert_eq!(output.status.code(), Some(4), "{args:?}: {}", text(&output.stderr));
+        assert_eq!(
+            output.status.code(),
+            Some(4),
+            "{args:?}: {}",
+            text(&output.stderr)
+        );
         assert!(
             text(&output.stderr).contains("final.safetensors: expected a training checkpoint"),
             "{args:?}: {}",
@@ -230,7 +374,11 @@ fn bad_data_are_named_and_counted() {
 #[test]
 fn pruned_networks_train_on_and_are_compared() {
     let folder = Folder::new("prune");
-    let (data, run, pruned) = (folder.at("boxes.csv"), folder.at("run"), folder.at("pruned.safetensors"));
+    let (data, run, pruned) = (
+        folder.at("boxes.csv"),
+        folder.at("run"),
+        folder.at("pruned.safetensors"),
+    );
     succeed(
         &train(&["fit", "--data", &data, "--out", &run, "--steps", "2"])
             .args(&TINY[..2])
@@ -238,8 +386,14 @@ fn pruned_networks_train_on_and_are_compared() {
             .output()
             .unwrap(),
     );
-    let last = Path::new(&run).join("final.safetensors").display().to_string();
-    let weights = Path::new(&run).join("weights.safetensors").display().to_string();
+    let last = Path::new(&run)
+        .join("final.safetensors")
+        .display()
+        .to_string();
+    let weights = Path::new(&run)
+        .join("weights.safetensors")
+        .display()
+        .to_string();
 
     // Of a checkpoint with its own data, and of a weights file with data that are named.
     let prune = |args: &[&str]| {
@@ -252,54 +406,80 @@ fn pruned_networks_train_on_and_are_compared() {
     };
     let table = prune(&[&last, "--layer-ratio", "head.cls2=0.92"]);
     let cells = |layer: &str| -> Vec<String> {
-        let line =
-            table.lines().find(|line| line.starts_with(layer)).unwrap_or_else(|| panic!("{layer}: {table}"));
+        let line = table
+            .lines()
+            .find(|line| line.starts_with(layer))
+            .unwrap_or_else(|| panic!("{layer}: {table}"));
         line.split_whitespace().map(String::from).collect()
     };
     assert_eq!(cells("backbone.conv1")[..3], ["backbone.conv1", "4", "9"]);
     assert_eq!(cells("head.cls2")[..3], ["head.cls2", "20", "25"]);
     assert_eq!(cells("dr.e1.0")[..3], ["dr.e1.0", "12", "25"]);
     assert!(
-        cells("backbone.conv1")[3].parse::<f64>().unwrap() >= cells("backbone.conv1")[4].parse().unwrap()
+        cells("backbone.conv1")[3].parse::<f64>().unwrap()
+            >= cells("backbone.conv1")[4].parse().unwrap()
     );
     prune(&[&weights, "--data", &data]);
-    let position = trainer::fit::Fit::resume(Path::new(&pruned)).unwrap().position().clone();
-    assert_eq!((position.step, &position.data[..]), (0, &[data.clone()][..]), "a run that has not begun");
+    let position = trainer::fit::Fit::resume(Path::new(&pruned))
+        .unwrap()
+        .position()
+        .clone();
+    assert_eq!(
+        (position.step, &position.data[..]),
+        (0, &[data.clone()][..]),
+        "a run that has not begun"
+    );
 
     let next = folder.at("next");
-    let fit = train(&["fit", "--data", &data, "--out", &next, "--init", &pruned, "--steps", "2"])
-        .args(&TINY[4..])
-        .output()
-        .unwrap();
+    let fit = train(&[
+        "fit", "--data", &data, "--out", &next, "--init", &pruned, "--steps", "2",
+    ])
+    .args(&TINY[4..])
+    .output()
+    .unwrap();
     succeed(&fit);
-    assert!(!text(&fit.stderr).contains("begun anew"), "{}", text(&fit.stderr));
+    assert!(
+        !text(&fit.stderr).contains("begun anew"),
+        "{}",
+        text(&fit.stderr)
+    );
     let found = Weights::read(&Path::new(&next).join("weights.safetensors")).unwrap();
-    assert_eq!(found.header.architecture.widths.backbone, [4, 12, 19, 19, 12]);
+    assert_eq!(
+        found.header.architecture.widths.backbone,
+        [4, 12, 19, 19, 12]
+    );
     let before = &found.header.provenance.notes["before"];
-    assert!(before.contains("weights drmim") && before.contains("pruned by rank over 2 pairs"), "{before}");
+    assert!(
+        before.contains("weights drmim") && before.contains("pruned by rank over 2 pairs"),
+        "{before}"
+    );
 
     let study = folder.at("sweep");
     let sweep = || {
-        let output =
-            train(&["sweep", "--data", &data, "--out", &study, "--init", &last, "--ratios", "0.9,0.95"])
-                .args([
-                    "--rank-pairs",
-                    "2",
-                    "--validate-flights",
-                    "1",
-                    "--validate-frames",
-                    "3",
-                    "--pairs",
-                    "4",
-                ])
-                .args(&TINY[4..])
-                .output()
-                .unwrap();
+        let output = train(&[
+            "sweep", "--data", &data, "--out", &study, "--init", &last, "--ratios", "0.9,0.95",
+        ])
+        .args([
+            "--rank-pairs",
+            "2",
+            "--validate-flights",
+            "1",
+            "--validate-frames",
+            "3",
+            "--pairs",
+            "4",
+        ])
+        .args(&TINY[4..])
+        .output()
+        .unwrap();
         succeed(&output);
         text(&output.stdout)
     };
     let first = sweep();
-    assert!(first.starts_with("| ratio | parameters |") && first.lines().count() == 4, "{first}");
+    assert!(
+        first.starts_with("| ratio | parameters |") && first.lines().count() == 4,
+        "{first}"
+    );
     assert_eq!(sweep(), first, "the second time, all is there");
 
     for (args, code, message) in [
@@ -308,17 +488,57 @@ fn pruned_networks_train_on_and_are_compared() {
             2,
             "1 to 9 filters in backbone.conv1, found 48",
         ),
-        (&["prune", &last, "--out", &pruned, "--layer-ratio", "conv1=0.5"], 2, "backbone.conv1, "),
-        (&["prune", &last, "--out", &pruned, "--ratio", "1"], 2, "--ratio"),
-        (&["prune", &weights, "--out", &pruned, "--ratio", "0.9"], 2, "at least one source"),
-        (&["prune", &data, "--out", &pruned], 4, "convert --to trainer"),
-        (&["ablate", "--data", &data, "--out", &study, "--minutes", "1"], 2, "--pairs"),
-        (&["ablate", "--data", &data, "--out", &study, "--pairs", "4"], 2, "--validate"),
-        (&["sweep", "--data", &data, "--out", &study, "--init", &last, "--ratios", "a"], 2, "--ratios"),
+        (
+            &[
+                "prune",
+                &last,
+                "--out",
+                &pruned,
+                "--layer-ratio",
+                "conv1=0.5",
+            ],
+            2,
+            "backbone.conv1, ",
+        ),
+        (
+            &["prune", &last, "--out", &pruned, "--ratio", "1"],
+            2,
+            "--ratio",
+        ),
+        (
+            &["prune", &weights, "--out", &pruned, "--ratio", "0.9"],
+            2,
+            "at least one source",
+        ),
+        (
+            &["prune", &data, "--out", &pruned],
+            4,
+            "convert --to trainer",
+        ),
+        (
+            &["ablate", "--data", &data, "--out", &study, "--minutes", "1"],
+            2,
+            "--pairs",
+        ),
+        (
+            &["ablate", "--data", &data, "--out", &study, "--pairs", "4"],
+            2,
+            "--validate",
+        ),
+        (
+            &[
+                "sweep", "--data", &data, "--out", &study, "--init", &last, "--ratios", "a",
+            ],
+            2,
+            "--ratios",
+        ),
     ] {
         let output = train(args).output().unwrap();
         let stderr = text(&output.stderr);
-        assert!(stderr.contains(message), "{args:?} says {stderr:?}, expected {message:?}");
+        assert!(
+            stderr.contains(message),
+            "{args:?} says {stderr:?}, expected {message:?}"
+        );
         assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
     }
 }
@@ -327,7 +547,17 @@ fn pruned_networks_train_on_and_are_compared() {
 fn sheets_show_pairs() {
     let folder = Folder::new("show");
     let (data, out) = (folder.at("boxes.csv"), folder.at("sheets"));
-    let output = train(&["show", "--data", &data, "--out", &out, "--search-size", "191"]).output().unwrap();
+    let output = train(&[
+        "show",
+        "--data",
+        &data,
+        "--out",
+        &out,
+        "--search-size",
+        "191",
+    ])
+    .output()
+    .unwrap();
     succeed(&output);
     let sheet = image::open(text(&output.stdout).trim()).unwrap().to_rgb8();
     assert!(sheet.pixels().any(|p| p.0 == [40, 255, 40]), "a box");

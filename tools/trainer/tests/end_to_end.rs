@@ -24,7 +24,10 @@ impl Video {
             ..FlightConfig::default()
         };
         let flight = Flight::new(config);
-        let mut video = Video { frames: Vec::new(), boxes: Vec::new() };
+        let mut video = Video {
+            frames: Vec::new(),
+            boxes: Vec::new(),
+        };
         for i in 0..flight.len() {
             let mut frame = FrameBuffer::default();
             let b = flight.render(i, &mut frame).bbox;
@@ -41,14 +44,20 @@ impl Video {
         for (i, (frame, b)) in self.frames.iter().zip(&self.boxes).enumerate() {
             let (w, h) = (frame.width as u32, frame.height as u32);
             let picture = image::RgbImage::from_raw(w, h, frame.data.clone()).unwrap();
-            picture.save(folder.join(format!("img/{:04}.png", i + 1))).unwrap();
+            picture
+                .save(folder.join(format!("img/{:04}.png", i + 1)))
+                .unwrap();
             text += &format!("{},{},{},{}\n", b.x, b.y, b.w, b.h);
         }
         std::fs::write(folder.join("groundtruth_rect.txt"), text).unwrap();
     }
 
     fn frame(&self, i: usize) -> Frame<'_> {
-        let FrameBuffer { width, height, data } = &self.frames[i];
+        let FrameBuffer {
+            width,
+            height,
+            data,
+        } = &self.frames[i];
         Frame::new(data, *width, *height, ChannelOrder::Rgb).unwrap()
     }
 
@@ -84,22 +93,48 @@ impl Drop for Folder {
 /// box that never moves.
 fn train_and_track(name: &str, seeds: &[u64], frames: usize, options: &[&str]) -> [f32; 2] {
     let folder = Folder(std::env::temp_dir().join(format!("train-{name}-{}", std::process::id())));
-    let videos: Vec<_> = seeds.iter().map(|seed| Video::render(*seed, frames)).collect();
+    let videos: Vec<_> = seeds
+        .iter()
+        .map(|seed| Video::render(*seed, frames))
+        .collect();
     for (i, video) in videos.iter().enumerate() {
         video.write(&folder.0.join(format!("videos/flight{i}")));
     }
-    let (data, run, model) = (folder.at("videos"), folder.at("run"), folder.at("mine.safetensors"));
+    let (data, run, model) = (
+        folder.at("videos"),
+        folder.at("run"),
+        folder.at("mine.safetensors"),
+    );
     let train = |args: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_train")).args(args).output().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_train"))
+            .args(args)
+            .output()
+            .unwrap();
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+        assert!(
+            output.status.success(),
+            "{}{}",
+            text(&output.stdout),
+            text(&output.stderr)
+        );
     };
     train(&[&["fit", "--data", &data, "--out", &run], options].concat());
-    train(&["export", &format!("{run}/final.safetensors"), "--out", &model, "--dtype", "f16"]);
+    train(&[
+        "export",
+        &format!("{run}/final.safetensors"),
+        "--out",
+        &model,
+        "--dtype",
+        "f16",
+    ]);
     let model = Model::read(Path::new(&model), Isa::detect()).unwrap();
     let found: Vec<_> = videos.iter().map(|video| video.track(&model)).collect();
     let mean = |of: usize| found.iter().map(|ious| ious[of]).sum::<f32>() / found.len() as f32;
-    println!("mean IoU {:.3}, of a box that never moves {:.3}", mean(0), mean(1));
+    println!(
+        "mean IoU {:.3}, of a box that never moves {:.3}",
+        mean(0),
+        mean(1)
+    );
     [mean(0), mean(1)]
 }
 
@@ -109,7 +144,10 @@ fn a_tiny_network_tracks_what_it_was_trained_on() {
                    --steps 110 --batch 8 --rate 0.003 --estimation-batches 4 --data-threads 2";
     let options: Vec<_> = options.split_whitespace().collect();
     let [tracked, still] = train_and_track("short", &[13], 24, &options);
-    assert!(tracked > 0.35 && tracked > still + 0.1, "mean IoU {tracked}, a box that never moves {still}");
+    assert!(
+        tracked > 0.35 && tracked > still + 0.1,
+        "mean IoU {tracked}, a box that never moves {still}"
+    );
 }
 
 /// The README's commands with a few minutes in place of hours:
@@ -119,5 +157,8 @@ fn a_tiny_network_tracks_what_it_was_trained_on() {
 fn the_commands_of_the_readme_end_with_a_model_that_tracks() {
     let options = ["--data", "scenes:0.25", "--minutes", "9"];
     let [tracked, still] = train_and_track("long", &[13, 18, 19], 90, &options);
-    assert!(tracked > 0.5 && tracked > still + 0.2, "mean IoU {tracked}, a box that never moves {still}");
+    assert!(
+        tracked > 0.5 && tracked > still + 0.2,
+        "mean IoU {tracked}, a box that never moves {still}"
+    );
 }

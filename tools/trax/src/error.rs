@@ -34,6 +34,10 @@ impl Error {
         if cut.len() < found.len() {
             cut.push_str("...");
         }
-        Error::Part { part, expected, found: cut }
+        Error::Part {
+            part,
+            expected,
+            found: cut,
+        }
     }
 }

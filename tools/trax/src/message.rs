@@ -43,7 +43,10 @@ impl Kind {
     }
 
     fn from_name(name: &str) -> Option<Kind> {
-        Kind::NAMES.iter().find(|(_, known)| *known == name).map(|(kind, _)| *kind)
+        Kind::NAMES
+            .iter()
+            .find(|(_, known)| *known == name)
+            .map(|(kind, _)| *kind)
     }
 }
 
@@ -61,7 +64,11 @@ pub struct Message {
 impl Message {
     /// A message without arguments.
     pub fn new(kind: Kind) -> Message {
-        Message { kind, arguments: Vec::new(), properties: Vec::new() }
+        Message {
+            kind,
+            arguments: Vec::new(),
+            properties: Vec::new(),
+        }
     }
 
     /// The same with one more argument.
@@ -78,7 +85,10 @@ impl Message {
 
     /// The value of a property.
     pub fn get(&self, key: &str) -> Option<&str> {
-        self.properties.iter().find(|(k, _)| k == key).map(|(_, value)| value.as_str())
+        self.properties
+            .iter()
+            .find(|(k, _)| k == key)
+            .map(|(_, value)| value.as_str())
     }
 
     /// The message on a line; `None` if it has no prefix and so is none.
@@ -93,8 +103,9 @@ impl Message {
     fn of(words: Vec<String>) -> Result<Message, Error> {
         let mut words = words.into_iter();
         let name = words.next().unwrap_or_default();
-        let kind = Kind::from_name(&name)
-            .ok_or_else(|| Error::part("message", "hello, initialize, frame, state or quit", &name))?;
+        let kind = Kind::from_name(&name).ok_or_else(|| {
+            Error::part("message", "hello, initialize, frame, state or quit", &name)
+        })?;
         let mut message = Message::new(kind);
         for word in words {
             match word.split_once('=').filter(|(key, _)| is_key(key)) {
@@ -114,8 +125,8 @@ impl fmt::Display for Message {
             write!(f, " \"{}\"", escaped(argument))?;
         }
         for (key, value) in &self.properties {
-            let plain =
-                !value.is_empty() && !value.contains(|c: char| c.is_whitespace() || c == '"' || c == '\\');
+            let plain = !value.is_empty()
+                && !value.contains(|c: char| c.is_whitespace() || c == '"' || c == '\\');
             match plain {
                 true => write!(f, " {key}={value}")?,
                 false => write!(f, " \"{key}={}\"", escaped(value))?,
@@ -140,7 +151,10 @@ fn read_within(
 ) -> Result<Option<Message>, Error> {
     loop {
         line.clear();
-        stream.by_ref().take(limit as u64 + 1).read_until(b'\n', line)?;
+        stream
+            .by_ref()
+            .take(limit as u64 + 1)
+            .read_until(b'\n', line)?;
         if line.is_empty() {
             return Ok(None);
         }
@@ -165,9 +179,11 @@ fn words(text: &str) -> Result<Vec<String>, Error> {
     while let Some(c) = characters.next() {
         match c {
             '\\' => {
-                let c =
-                    characters.next().ok_or_else(|| Error::part("message", "a character after \\", text))?;
-                word.get_or_insert_default().push(if c == 'n' { '\n' } else { c });
+                let c = characters
+                    .next()
+                    .ok_or_else(|| Error::part("message", "a character after \\", text))?;
+                word.get_or_insert_default()
+                    .push(if c == 'n' { '\n' } else { c });
             }
             '"' => {
                 quoted = !quoted;
@@ -190,7 +206,9 @@ fn is_key(text: &str) -> bool {
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
+    text.replace('\\', "\\\\")
+        .replace('"', "\\\"")
+        .replace('\n', "\\n")
 }
 
 #[cfg(test)]
@@ -198,12 +216,15 @@ mod tests {
     use super::*;
 
     fn parse(line: &str) -> Result<Message, String> {
-        Message::parse(line).expect("a message").map_err(|error| error.to_string())
+        Message::parse(line)
+            .expect("a message")
+            .map_err(|error| error.to_string())
     }
 
     #[test]
     fn lines_of_the_reference_client() {
-        let message = parse("@@TRAX:initialize \"1.0000,2.0000,3.5000,4.0000\" \"k=v w\" \r\n").unwrap();
+        let message =
+            parse("@@TRAX:initialize \"1.0000,2.0000,3.5000,4.0000\" \"k=v w\" \r\n").unwrap();
         assert_eq!(message.kind, Kind::Initialize);
         assert_eq!(message.arguments, ["1.0000,2.0000,3.5000,4.0000"]);
         assert_eq!(message.get("k"), Some("v w"));
@@ -212,8 +233,16 @@ mod tests {
             (&message.arguments[..], message.properties.len()),
             (&["file:///tmp/a b=c/1.jpg".into()][..], 0)
         );
-        assert_eq!(parse("@@TRAX:initialize \n").unwrap(), Message::new(Kind::Initialize));
-        assert_eq!(parse("@@TRAX:state 1,2,3,4 confidence=0.5").unwrap().get("confidence"), Some("0.5"));
+        assert_eq!(
+            parse("@@TRAX:initialize \n").unwrap(),
+            Message::new(Kind::Initialize)
+        );
+        assert_eq!(
+            parse("@@TRAX:state 1,2,3,4 confidence=0.5")
+                .unwrap()
+                .get("confidence"),
+            Some("0.5")
+        );
         assert!(Message::parse("loading @@TRAX:quit").is_none());
     }
 
@@ -234,14 +263,20 @@ mod tests {
             .property("empty", "")
             .property("confidence", "0.5");
         let line = message.to_string();
-        assert!(!line.contains('\n') && line.ends_with(" confidence=0.5"), "{line}");
+        assert!(
+            !line.contains('\n') && line.ends_with(" confidence=0.5"),
+            "{line}"
+        );
         assert_eq!(parse(&line).unwrap(), message);
     }
 
     #[test]
     fn malformed_lines_are_named() {
         for (line, part) in [
-            ("@@TRAX:", "expected hello, initialize, frame, state or quit, found \"\""),
+            (
+                "@@TRAX:",
+                "expected hello, initialize, frame, state or quit, found \"\"",
+            ),
             ("@@TRAX:jump \"x\"", "found \"jump\""),
             ("@@TRAX:frame \"file:///a", "its quote to end"),
             ("@@TRAX:frame \\", "a character after \\"),
@@ -257,12 +292,21 @@ mod tests {
     fn streams() {
         let mut stream = &b"warming up\n\n@@TRAX:frame a\nmore talk\n@@TRAX:quit"[..];
         let mut line = Vec::new();
-        let mut next = || read(&mut stream, &mut line).unwrap().map(|message| message.kind);
-        assert_eq!([next(), next(), next()], [Some(Kind::Frame), Some(Kind::Quit), None]);
+        let mut next = || {
+            read(&mut stream, &mut line)
+                .unwrap()
+                .map(|message| message.kind)
+        };
+        assert_eq!(
+            [next(), next(), next()],
+            [Some(Kind::Frame), Some(Kind::Quit), None]
+        );
         let mut endless = std::io::BufReader::new(std::io::repeat(b'x'));
         let error = read_within(1000, &mut endless, &mut line).unwrap_err();
         assert!(matches!(error, Error::TooLong { limit: 1000 }) && line.len() == 1001);
-        let error = read(&mut &b"@@TRAX:frame \xff\n"[..], &mut Vec::new()).unwrap_err().to_string();
+        let error = read(&mut &b"@@TRAX:frame \xff\n"[..], &mut Vec::new())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("UTF-8"), "{error}");
     }
 }

@@ -73,8 +73,9 @@ impl Picture {
                 .ok_or(failure("file:// and an absolute path"));
         }
         if let Some(rest) = text.strip_prefix("image:") {
-            return memory(rest)
-                .ok_or(failure("image:WIDTH;HEIGHT;rgb, gray8 or gray16;BASE64 of as many pixels"));
+            return memory(rest).ok_or(failure(
+                "image:WIDTH;HEIGHT;rgb, gray8 or gray16;BASE64 of as many pixels",
+            ));
         }
         if let Some(rest) = text.strip_prefix("data:") {
             return encoded(rest).ok_or(failure("data:TYPE;BASE64"));
@@ -85,16 +86,30 @@ impl Picture {
 
 fn memory(text: &str) -> Option<Picture> {
     let mut parts = text.splitn(4, ';');
-    let mut side = || parts.next()?.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let mut side = || {
+        parts
+            .next()?
+            .parse()
+            .ok()
+            .filter(|side| (1..=MAX_SIDE).contains(side))
+    };
     let (width, height) = (side()?, side()?);
     let pixels = Pixels::from_name(parts.next()?)?;
     let data = base64::decode(parts.next()?)?;
-    (data.len() == width * height * pixels.bytes()).then_some(Picture::Memory { width, height, pixels, data })
+    (data.len() == width * height * pixels.bytes()).then_some(Picture::Memory {
+        width,
+        height,
+        pixels,
+        data,
+    })
 }
 
 fn encoded(text: &str) -> Option<Picture> {
     let (_, rest) = text.split_once(';')?;
-    let rest = rest.strip_prefix("base64").and_then(|rest| rest.strip_prefix([';', ','])).unwrap_or(rest);
+    let rest = rest
+        .strip_prefix("base64")
+        .and_then(|rest| rest.strip_prefix([';', ',']))
+        .unwrap_or(rest);
     base64::decode(rest).map(Picture::Encoded)
 }
 
@@ -106,18 +121,33 @@ mod tests {
     fn every_form() {
         let path = Picture::Path("/tmp/a b=c/1.jpg".into());
         assert_eq!(Picture::parse("file:///tmp/a b=c/1.jpg").unwrap(), path);
-        let Picture::Memory { width: 3, height: 2, pixels: Pixels::Rgb, data } =
-            Picture::parse("image:3;2;rgb;AAECAwQFBgcICQoLDA0ODxAR").unwrap()
+        let Picture::Memory {
+            width: 3,
+            height: 2,
+            pixels: Pixels::Rgb,
+            data,
+        } = Picture::parse("image:3;2;rgb;AAECAwQFBgcICQoLDA0ODxAR").unwrap()
         else {
             panic!("not in memory")
         };
         assert_eq!(data, (0..18).collect::<Vec<u8>>());
         let gray = Picture::parse("image:3;2;gray8;AAMGCQwP").unwrap();
-        assert!(matches!(gray, Picture::Memory { pixels: Pixels::Gray8, .. }));
-        for text in
-            ["data:image/jpeg;/9j/4Gg=", "data:image/jpeg;base64;/9j/4Gg=", "data:image/jpeg;base64,/9j/4Gg="]
-        {
-            assert_eq!(Picture::parse(text).unwrap(), Picture::Encoded(vec![0xff, 0xd8, 0xff, 0xe0, 0x68]));
+        assert!(matches!(
+            gray,
+            Picture::Memory {
+                pixels: Pixels::Gray8,
+                ..
+            }
+        ));
+        for text in [
+            "data:image/jpeg;/9j/4Gg=",
+            "data:image/jpeg;base64;/9j/4Gg=",
+            "data:image/jpeg;base64,/9j/4Gg=",
+        ] {
+            assert_eq!(
+                Picture::parse(text).unwrap(),
+                Picture::Encoded(vec![0xff, 0xd8, 0xff, 0xe0, 0x68])
+            );
         }
     }
 

@@ -56,12 +56,19 @@ impl Region {
     /// # Errors
     /// If it is neither rectangle, polygon nor mask, or encloses nothing.
     pub fn parse(text: &str) -> Result<Region, Error> {
-        match text.strip_prefix("mask:").or_else(|| text.strip_prefix('m')) {
+        match text
+            .strip_prefix("mask:")
+            .or_else(|| text.strip_prefix('m'))
+        {
             Some(mask) => mask_bounds(mask)
                 .map(Region::Mask)
                 .ok_or_else(|| Error::part("region", "mask:x,y,w,h,runs with pixels inside", text)),
             None => from_numbers(text).ok_or_else(|| {
-                Error::part("region", "x,y,w,h, three points or more, or a mask, in finite numbers", text)
+                Error::part(
+                    "region",
+                    "x,y,w,h, three points or more, or a mask, in finite numbers",
+                    text,
+                )
             }),
         }
     }
@@ -69,7 +76,9 @@ impl Region {
     /// The box that stands for it.
     pub fn rectangle(&self) -> Rectangle {
         match self {
-            Region::Rectangle(rectangle) | Region::Polygon(rectangle) | Region::Mask(rectangle) => *rectangle,
+            Region::Rectangle(rectangle) | Region::Polygon(rectangle) | Region::Mask(rectangle) => {
+                *rectangle
+            }
         }
     }
 }
@@ -78,7 +87,11 @@ fn from_numbers(text: &str) -> Option<Region> {
     let mut first = [0.0; 8]; // what a rectangle and the rule for four points need
     let (mut count, mut low, mut high) = (0, [f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for part in text.split(',') {
-        let number: f64 = part.trim().parse().ok().filter(|number: &f64| number.is_finite())?;
+        let number: f64 = part
+            .trim()
+            .parse()
+            .ok()
+            .filter(|number: &f64| number.is_finite())?;
         if let Some(slot) = first.get_mut(count) {
             *slot = number;
         }
@@ -88,7 +101,9 @@ fn from_numbers(text: &str) -> Option<Region> {
     }
     let around = Rectangle::new(low[0], low[1], high[0] - low[0], high[1] - low[1]);
     match count {
-        4 => Some(Region::Rectangle(Rectangle::new(first[0], first[1], first[2], first[3]))),
+        4 => Some(Region::Rectangle(Rectangle::new(
+            first[0], first[1], first[2], first[3],
+        ))),
         8 => Some(Region::Polygon(upright(&first, around))),
         _ if count >= 6 && count % 2 == 0 => Some(Region::Polygon(around)),
         _ => None,
@@ -112,7 +127,13 @@ fn upright(points: &[f64; 8], around: Rectangle) -> Rectangle {
 fn mask_bounds(text: &str) -> Option<Rectangle> {
     let mut parts = text.split(',').map(str::trim);
     let offset: [i32; 2] = [parts.next()?.parse().ok()?, parts.next()?.parse().ok()?];
-    let mut side = || parts.next()?.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let mut side = || {
+        parts
+            .next()?
+            .parse()
+            .ok()
+            .filter(|side| (1..=MAX_SIDE).contains(side))
+    };
     let (width, height) = (side()?, side()?);
     let (mut at, mut inside) = (0u64, false);
     let mut bounds: Option<[u64; 4]> = None; // left, top, right, bottom, all inside
@@ -121,7 +142,11 @@ fn mask_bounds(text: &str) -> Option<Rectangle> {
         let end = at.checked_add(run).filter(|end| *end <= width * height)?;
         if inside && run > 0 {
             let (top, bottom) = (at / width, (end - 1) / width);
-            let (left, right) = if top == bottom { (at % width, (end - 1) % width) } else { (0, width - 1) };
+            let (left, right) = if top == bottom {
+                (at % width, (end - 1) % width)
+            } else {
+                (0, width - 1)
+            };
             let [l, t, r, b] = bounds.unwrap_or([left, top, right, bottom]);
             bounds = Some([l.min(left), t.min(top), r.max(right), b.max(bottom)]);
         }
@@ -129,7 +154,12 @@ fn mask_bounds(text: &str) -> Option<Rectangle> {
     }
     let [left, top, right, bottom] = bounds?.map(|v| v as f64);
     let [x, y] = offset.map(f64::from);
-    Some(Rectangle::new(x + left, y + top, right - left + 1.0, bottom - top + 1.0))
+    Some(Rectangle::new(
+        x + left,
+        y + top,
+        right - left + 1.0,
+        bottom - top + 1.0,
+    ))
 }
 
 #[cfg(test)]
@@ -139,17 +169,29 @@ mod tests {
     #[test]
     fn rectangles_and_polygons() {
         let rectangle = Rectangle::new(1.0, -2.5, 3.5, 4.0);
-        assert_eq!(Region::parse("1.0000, -2.5,3.5000,4").unwrap(), Region::Rectangle(rectangle));
+        assert_eq!(
+            Region::parse("1.0000, -2.5,3.5000,4").unwrap(),
+            Region::Rectangle(rectangle)
+        );
         assert_eq!(rectangle.to_string(), "1.0000,-2.5000,3.5000,4.0000");
         let triangle = Region::parse("0,0,10,0,4,6").unwrap();
-        assert_eq!(triangle, Region::Polygon(Rectangle::new(0.0, 0.0, 10.0, 6.0)));
+        assert_eq!(
+            triangle,
+            Region::Polygon(Rectangle::new(0.0, 0.0, 10.0, 6.0))
+        );
         // Upright: the same area, and one pixel more on each side.
         let upright = Region::parse("10,20,30,20,30,60,10,60").unwrap();
-        assert_eq!(upright, Region::Polygon(Rectangle::new(9.5, 19.5, 21.0, 41.0)));
+        assert_eq!(
+            upright,
+            Region::Polygon(Rectangle::new(9.5, 19.5, 21.0, 41.0))
+        );
         // Turned by 45 degrees: half of the area around it.
         let Rectangle { x, y, w, h } = Region::parse("10,0,20,10,10,20,0,10").unwrap().rectangle();
         let side = 20.0 / 2f64.sqrt() + 1.0;
-        assert!((w - side).abs() + (h - side).abs() + (x - 10.0 + side / 2.0).abs() + (y - x).abs() < 1e-9);
+        assert!(
+            (w - side).abs() + (h - side).abs() + (x - 10.0 + side / 2.0).abs() + (y - x).abs()
+                < 1e-9
+        );
         let flat = Region::parse("1,5,9,5,9,5,1,5").unwrap().rectangle();
         assert_eq!(flat, Rectangle::new(1.0, 5.0, 8.0, 0.0));
     }
@@ -162,7 +204,9 @@ mod tests {
         assert_eq!(Region::parse("m3,2,5,6,7,2,3,2").unwrap(), expected);
         let over_rows = Region::parse("mask:-1,0,5,6,4,2").unwrap().rectangle();
         assert_eq!(over_rows, Rectangle::new(-1.0, 0.0, 5.0, 2.0));
-        let all = Region::parse("mask:0,0,32768,32768,0,1073741824").unwrap().rectangle();
+        let all = Region::parse("mask:0,0,32768,32768,0,1073741824")
+            .unwrap()
+            .rectangle();
         assert_eq!((all.w, all.h), (32768.0, 32768.0));
     }
 

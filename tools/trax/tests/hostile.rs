@@ -41,7 +41,8 @@ fn nearly() -> impl Strategy<Value = String> {
         "\n",
         "\u{e9}",
     ]);
-    let part = prop_oneof![4 => known.prop_map(str::to_owned), 1 => any::<char>().prop_map(String::from)];
+    let part =
+        prop_oneof![4 => known.prop_map(str::to_owned), 1 => any::<char>().prop_map(String::from)];
     prop::collection::vec(part, 0..24).prop_map(|parts| parts.concat())
 }
 

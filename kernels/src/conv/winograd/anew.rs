@@ -22,7 +22,9 @@
 
 use super::super::ConvShape;
 use super::points::point;
-use super::transforms::{AsIs, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, lines_len};
+use super::transforms::{
+    AsIs, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, lines_len,
+};
 use super::{LINE, Part, Winograd, from_line, pack, rows_per_tile, step};
 use crate::par::Share;
 use crate::simd::{Kernel, Simd};
@@ -52,15 +54,20 @@ impl Weights {
         let (lanes, (vectors, group)) = (isa.lanes(), isa.long_tile());
         let block = vectors * lanes;
         let blocks = std::iter::repeat_n(vectors, shape.out_channels.div_ceil(block));
-        Weights { lanes, block, group, g: pack(isa, shape, blocks, weights) }
+        Weights {
+            lanes,
+            block,
+            group,
+            g: pack(isa, shape, blocks, weights),
+        }
     }
 }
 
 /// Scratch space for a strip of tiles.
 struct Plan {
     group: usize,     // tiles in a group; the last one has those left over
-    v_step: usize,    // from one point's V, [vector of Cin][tiles of the group][LANES], to the next one's
-    v_len: usize,     // of one group
+    v_step: usize, // from one point's V, [vector of Cin][tiles of the group][LANES], to the next one's
+    v_len: usize,  // of one group
     half_step: usize, // from one row of points of M A, [tiles of the strip][vectors of the block][M][LANES], to the next
     half_len: usize,  // of one block
 }
@@ -70,7 +77,13 @@ impl Plan {
         let group = tiles.div_ceil(tiles.div_ceil(weights.group)); // equal ones instead of full ones and a small rest
         let v_step = step(group * shape.in_channels.next_multiple_of(weights.lanes));
         let half_step = step(tiles * rows_per_tile(shape, points) * weights.block);
-        Plan { group, v_step, v_len: points * points * v_step, half_step, half_len: points * half_step }
+        Plan {
+            group,
+            v_step,
+            v_len: points * points * v_step,
+            half_step,
+            half_len: points * half_step,
+        }
     }
 }
 
@@ -81,8 +94,19 @@ fn strip_rows(across: usize) -> usize {
 
 /// Scratch values where a strip has at most so many tiles: for `B^T d` of a row of tiles, `G g` of two rows of points and one block, `U` of one
 /// point and block, `M` of one row and block, all of `M A`, and `V`.
-fn lens(weights: &Weights, shape: &ConvShape, points: usize, across: usize, tiles: usize) -> [usize; 6] {
-    let &Weights { lanes, block, group, .. } = weights;
+fn lens(
+    weights: &Weights,
+    shape: &ConvShape,
+    points: usize,
+    across: usize,
+    tiles: usize,
+) -> [usize; 6] {
+    let &Weights {
+        lanes,
+        block,
+        group,
+        ..
+    } = weights;
     let m = rows_per_tile(shape, points);
     let lines_len = lines_len(points, (across - 1) * m + points, shape.in_channels);
     let u_len = shape.in_channels * block;
@@ -90,7 +114,14 @@ fn lens(weights: &Weights, shape: &ConvShape, points: usize, across: usize, tile
     let groups = tiles.div_ceil(group);
     // Groups differ by less than a tile from equal ones, and their steps by less than two lines from their values.
     let v_step = (tiles + groups) * shape.in_channels.next_multiple_of(lanes) + groups * 2 * LINE;
-    [lines_len, 2 * KERNEL * u_len, u_len, tiles * points * block, half_len, points * points * v_step]
+    [
+        lines_len,
+        2 * KERNEL * u_len,
+        u_len,
+        tiles * points * block,
+        half_len,
+        points * points * v_step,
+    ]
 }
 
 /// Scratch values per thread.
@@ -98,7 +129,9 @@ pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, o
     let m = rows_per_tile(shape, points);
     let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
     let tiles = across * down.min(strip_rows(across));
-    LINE + lens(weights, shape, points, across, tiles).iter().sum::<usize>()
+    LINE + lens(weights, shape, points, across, tiles)
+        .iter()
+        .sum::<usize>()
 }
 
 impl Kernel for Part<'_, Weights> {
@@ -117,9 +150,20 @@ impl Kernel for Part<'_, Weights> {
 impl Part<'_, Weights> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let Part { conv, weights, share } = self;
-        let Share { first_row, tiles: all, mut map, scratch } = share;
-        let Winograd { bias, input, size, .. } = *conv;
+        let Part {
+            conv,
+            weights,
+            share,
+        } = self;
+        let Share {
+            first_row,
+            tiles: all,
+            mut map,
+            scratch,
+        } = share;
+        let Winograd {
+            bias, input, size, ..
+        } = *conv;
         let shape = &conv.weights.shape;
         let (width, cout) = (shape.out_size(size).w, shape.out_channels);
         let across = width.div_ceil(M);
@@ -131,7 +175,10 @@ impl Part<'_, Weights> {
         let (m, scratch) = scratch.split_at_mut(m_len);
         let (half, v) = scratch.split_at_mut(half_len);
         for first in all.clone().step_by(most) {
-            let tiles = Tiles { across, range: first..all.end.min(first + most) };
+            let tiles = Tiles {
+                across,
+                range: first..all.end.min(first + most),
+            };
             let plan = &Plan::new(weights, shape, A, tiles.range.len());
             simd.call(InputTiles::<_, _, A, M> {
                 input,
@@ -143,7 +190,10 @@ impl Part<'_, Weights> {
                 v: &mut *v,
                 places: (0..tiles.range.len())
                     .map(|tile| tile / plan.group * plan.v_len + tile % plan.group * S::LANES),
-                steps: Steps { point: plan.v_step, vector: plan.group * S::LANES },
+                steps: Steps {
+                    point: plan.v_step,
+                    vector: plan.group * S::LANES,
+                },
                 to: AsIs,
             });
             let products = Products::<A, M> {
@@ -158,7 +208,11 @@ impl Part<'_, Weights> {
             };
             products.run(simd);
             let lanes = const { S::LONG_TILE.0 } * S::LANES;
-            for (i, (bias, half)) in bias.chunks(lanes).zip(half.chunks_exact(plan.half_len)).enumerate() {
+            for (i, (bias, half)) in bias
+                .chunks(lanes)
+                .zip(half.chunks_exact(plan.half_len))
+                .enumerate()
+            {
                 let block = OutputBlock {
                     vectors: S::LONG_TILE.0,
                     half,
@@ -168,7 +222,12 @@ impl Part<'_, Weights> {
                     channels: cout,
                     first: i * lanes,
                 };
-                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width, block });
+                simd.call(OutputTiles::<A, M> {
+                    tiles: tiles.clone(),
+                    map: &mut map,
+                    width,
+                    block,
+                });
             }
         }
     }
@@ -189,21 +248,54 @@ struct Products<'a, const A: usize, const M: usize> {
 impl<const A: usize, const M: usize> Products<'_, A, M> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Products { plan, tiles, v, g, half, kernel_lines, u, m } = self;
+        let Products {
+            plan,
+            tiles,
+            v,
+            g,
+            half,
+            kernel_lines,
+            u,
+            m,
+        } = self;
         let (plus, minus) = kernel_lines.split_at_mut(kernel_lines.len() / 2);
         let m = &mut m[..tiles * A * const { S::LONG_TILE.0 } * S::LANES];
         for pair in 0..A / 2 {
-            let rows = if pair == 0 { [0, A - 1] } else { [2 * pair - 1, 2 * pair] };
+            let rows = if pair == 0 {
+                [0, A - 1]
+            } else {
+                [2 * pair - 1, 2 * pair]
+            };
             let blocks = g.chunks_exact(TAPS * u.len());
             let next = blocks.clone().cycle().skip(1);
             for ((g, next), half) in blocks.zip(next).zip(half.chunks_exact_mut(plan.half_len)) {
                 let point = (pair > 0).then(|| point(A, rows[0]));
-                simd.call(KernelLines { point, g, plus: &mut *plus, minus: &mut *minus });
+                simd.call(KernelLines {
+                    point,
+                    g,
+                    plus: &mut *plus,
+                    minus: &mut *minus,
+                });
                 let next = next.split_at(next.len() / LINE / 2 * LINE);
-                for ((i, lines), next) in rows.into_iter().zip([&*plus, &*minus]).zip([next.0, next.1]) {
+                for ((i, lines), next) in rows
+                    .into_iter()
+                    .zip([&*plus, &*minus])
+                    .zip([next.0, next.1])
+                {
                     let v = &v[i * A * plan.v_step..];
-                    simd.call(Row::<A> { plan, tiles, v, lines, next, u: &mut *u, m: &mut *m });
-                    simd.call(HalfOutputs::<A, M> { m: &*m, half: &mut half[i * plan.half_step..] });
+                    simd.call(Row::<A> {
+                        plan,
+                        tiles,
+                        v,
+                        lines,
+                        next,
+                        u: &mut *u,
+                        m: &mut *m,
+                    });
+                    simd.call(HalfOutputs::<A, M> {
+                        m: &*m,
+                        half: &mut half[i * plan.half_step..],
+                    });
                 }
             }
         }
@@ -223,10 +315,18 @@ impl Kernel for KernelLines<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let KernelLines { point, g, plus, minus } = self;
+        let KernelLines {
+            point,
+            g,
+            plus,
+            minus,
+        } = self;
         let step = const { KERNEL * S::LANES };
         let kernels = g.chunks_exact(TAPS * S::LANES);
-        let kernels = kernels.zip(plus.chunks_exact_mut(step).zip(minus.chunks_exact_mut(step)));
+        let kernels = kernels.zip(
+            plus.chunks_exact_mut(step)
+                .zip(minus.chunks_exact_mut(step)),
+        );
         let Some(point) = point else {
             for (g, (plus, minus)) in kernels {
                 plus.copy_from_slice(&g[..step]);
@@ -240,7 +340,10 @@ impl Kernel for KernelLines<'_> {
                 let tap = |y: usize| simd.load(&g[(y * KERNEL + x) * S::LANES..]);
                 let (even, odd) = (simd.mul_add(square, tap(2), tap(0)), tap(1));
                 simd.store(simd.mul_add(positive, odd, even), &mut plus[x * S::LANES..]);
-                simd.store(simd.mul_add(negative, odd, even), &mut minus[x * S::LANES..]);
+                simd.store(
+                    simd.mul_add(negative, odd, even),
+                    &mut minus[x * S::LANES..],
+                );
             }
         }
     }
@@ -316,11 +419,21 @@ impl<const A: usize> Kernel for Row<'_, A> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Row { plan, tiles, v, lines, next, u, m } = self;
+        let Row {
+            plan,
+            tiles,
+            v,
+            lines,
+            next,
+            u,
+            m,
+        } = self;
         let (vectors, step) = const { (S::LONG_TILE.0, KERNEL * S::LANES) };
         let channels = lines.len() / (vectors * step);
         for j in 0..A {
-            let from_lines = FromLines { powers: [point(A, j), point(A, j) * point(A, j)] };
+            let from_lines = FromLines {
+                powers: [point(A, j), point(A, j) * point(A, j)],
+            };
             let end = match j {
                 0 => Some(0),
                 _ if j == A - 1 => Some(KERNEL - 1),
@@ -337,14 +450,30 @@ impl<const A: usize> Kernel for Row<'_, A> {
                     tiles: plan.group.min(tiles - first),
                     v: &v[first / plan.group * plan.v_len + j * plan.v_step..][..plan.v_step],
                     v_step: plan.group * S::LANES,
-                    ahead: if first == 0 { next.get(j * channels * LINE..) } else { None },
+                    ahead: if first == 0 {
+                        next.get(j * channels * LINE..)
+                    } else {
+                        None
+                    },
                     m: &mut m[(first * vectors * A + j) * S::LANES..],
                     m_step: A * S::LANES,
                 };
                 match end {
-                    Some(tap) => simd.call(Tile { group, weights: lines, values: FromTaps { tap } }),
-                    None if at_once => simd.call(Tile { group, weights: lines, values: from_lines }),
-                    None => simd.call(Tile { group, weights: u, values: Made }),
+                    Some(tap) => simd.call(Tile {
+                        group,
+                        weights: lines,
+                        values: FromTaps { tap },
+                    }),
+                    None if at_once => simd.call(Tile {
+                        group,
+                        weights: lines,
+                        values: from_lines,
+                    }),
+                    None => simd.call(Tile {
+                        group,
+                        weights: u,
+                        values: Made,
+                    }),
                 }
             }
         }
@@ -395,8 +524,20 @@ impl<V: Values> Tile<'_, V> {
         if VECTORS != S::LONG_TILE.0 || TILES > S::LONG_TILE.1 {
             unreachable!("another tile than the instruction set's");
         }
-        let Tile { group, weights, values } = self;
-        let Group { channels, v, v_step, ahead, m, m_step, .. } = group;
+        let Tile {
+            group,
+            weights,
+            values,
+        } = self;
+        let Group {
+            channels,
+            v,
+            v_step,
+            ahead,
+            m,
+            m_step,
+            ..
+        } = group;
         let (ahead, ahead_step) = ahead.map_or((v, 0), |next| (next, LINE));
         let step = const { V::VECTORS * S::LANES };
         let mut weights = weights.chunks_exact(VECTORS * step);

@@ -50,7 +50,10 @@ impl Weights {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
         let layout = Layout::new(isa, pairs(shape), blocks(vectors));
         let bounds = bounds(points, [input.value(0), input.value(u8::MAX)]);
-        let factors: Vec<f32> = bounds.iter().map(|bound| f32::from(MOST_INT16) / bound).collect();
+        let factors: Vec<f32> = bounds
+            .iter()
+            .map(|bound| f32::from(MOST_INT16) / bound)
+            .collect();
         let all = transform_kernels(isa, shape, points, blocks(vectors), weights);
         let mut u = Aligned::zeros(points * points * layout.inputs * layout.channels);
         let mut scale = Aligned::zeros(points * points * layout.channels);
@@ -67,7 +70,13 @@ impl Weights {
                 }
             }
         }
-        Weights { input, layout, u, scale, factors }
+        Weights {
+            input,
+            layout,
+            u,
+            scale,
+            factors,
+        }
     }
 }
 
@@ -86,9 +95,13 @@ fn bounds(points: usize, [low, high]: [f32; 2]) -> Vec<f32> {
     let rows: Vec<(f32, f32)> = matrix.iter().map(|row| sums(row)).collect();
     let bound = |(up, down): (f32, f32), (right, left): (f32, f32)| {
         let (plus, minus) = (up * right + down * left, up * left + down * right);
-        (plus * high - minus * low).max(minus * high - plus * low).max(f32::MIN_POSITIVE)
+        (plus * high - minus * low)
+            .max(minus * high - plus * low)
+            .max(f32::MIN_POSITIVE)
     };
-    rows.iter().flat_map(|y| rows.iter().map(move |x| bound(*y, *x))).collect()
+    rows.iter()
+        .flat_map(|y| rows.iter().map(move |x| bound(*y, *x)))
+        .collect()
 }
 
 /// Rounds `values` (`[Cin, lanes]`) to `pairs` (`[pairs of Cin, lanes]`), and says what one of them is worth in each lane.
@@ -104,7 +117,9 @@ fn round(values: &[f32], lanes: usize, pairs: &mut [Pair], scale: &mut [f32]) {
     // Rounding adds at most a half to each.
     let sum = (i32::MAX / i32::from(MOST_INT16)) as f32 - channels as f32;
     for (lane, scale) in scale.iter_mut().enumerate() {
-        *scale = (sums[lane] / sum).max(most[lane] / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
+        *scale = (sums[lane] / sum)
+            .max(most[lane] / f32::from(i16::MAX))
+            .max(f32::MIN_POSITIVE);
     }
     for (i, values) in values.chunks_exact(lanes).enumerate() {
         let pairs = &mut pairs[i / 2 * lanes..][..lanes];
@@ -125,7 +140,10 @@ impl Stored for Rounded<'_> {
 
     #[inline(always)]
     fn store<S: Simd>(self, simd: S, point: usize, v: S::F32, out: &mut [i16]) {
-        simd.store_int16(simd.mul_add(v, simd.splat(self.factors[point]), simd.zero()), out);
+        simd.store_int16(
+            simd.mul_add(v, simd.splat(self.factors[point]), simd.zero()),
+            out,
+        );
     }
 }
 
@@ -146,23 +164,49 @@ impl DotKernel for Part<'_, Weights> {
 impl Part<'_, Weights> {
     #[inline(always)]
     fn run_sized<D: Dot, const A: usize, const M: usize>(self, dot: D) {
-        let Part { conv, weights, share } = self;
+        let Part {
+            conv,
+            weights,
+            share,
+        } = self;
         let simd = dot.float();
         let walk = Walk {
             conv,
             share,
             layout: &weights.layout,
             widths: blocks(conv.weights.shape.out_channels.div_ceil(D::Float::LANES)),
-            to: Rounded { factors: &weights.factors },
+            to: Rounded {
+                factors: &weights.factors,
+            },
         };
-        walk.run::<D::Float, A, M>(simd, |Block { strip, row, first, vectors, v, m, half }| {
-            let Layout { inputs, channels, .. } = weights.layout;
-            let (from, lanes) = ((row * channels + first) * A, vectors * D::Float::LANES);
-            let u = &weights.u[from * inputs..][..A * inputs * lanes];
-            let (v, scale) = (bytemuck::cast_slice(v), &weights.scale[from..][..A * lanes]);
-            dot.call(Products::<A> { strip, vectors, v, u, scale, m: &mut *m });
-            simd.call(HalfOutputs::<A, M> { m, half });
-        });
+        walk.run::<D::Float, A, M>(
+            simd,
+            |Block {
+                 strip,
+                 row,
+                 first,
+                 vectors,
+                 v,
+                 m,
+                 half,
+             }| {
+                let Layout {
+                    inputs, channels, ..
+                } = weights.layout;
+                let (from, lanes) = ((row * channels + first) * A, vectors * D::Float::LANES);
+                let u = &weights.u[from * inputs..][..A * inputs * lanes];
+                let (v, scale) = (bytemuck::cast_slice(v), &weights.scale[from..][..A * lanes]);
+                dot.call(Products::<A> {
+                    strip,
+                    vectors,
+                    v,
+                    u,
+                    scale,
+                    m: &mut *m,
+                });
+                simd.call(HalfOutputs::<A, M> { m, half });
+            },
+        );
     }
 }
 
@@ -181,7 +225,14 @@ impl<const A: usize> DotKernel for Products<'_, A> {
 
     #[inline(always)]
     fn run<D: Dot>(self, dot: D) {
-        let Products { strip, vectors, v, u, scale, m } = self;
+        let Products {
+            strip,
+            vectors,
+            v,
+            u,
+            scale,
+            m,
+        } = self;
         let Plan { v_step, v_len, .. } = *strip.plan;
         let vector = D::Float::LANES;
         let scales = scale.chunks_exact(scale.len() / A);
@@ -230,7 +281,8 @@ impl<const A: usize> Groups<'_, A> {
         let step = A * vector; // between the vectors of M
         for group in 0..self.count {
             let v = &self.v[group * self.v_len..][..TILES * pairs];
-            let m = &mut self.m[group * TILES * VECTORS * step..][..(TILES * VECTORS - 1) * step + vector];
+            let m = &mut self.m[group * TILES * VECTORS * step..]
+                [..(TILES * VECTORS - 1) * step + vector];
             let sums = if group == 0 && self.first {
                 products::<D, TILES, VECTORS, true>(dot, v, self.u)
             } else {
@@ -302,10 +354,16 @@ mod tests {
             for (lane, scale) in scale.iter().enumerate() {
                 let value = |i: usize| i64::from(rounded[i / 2 * lanes + lane][i % 2]);
                 let sum: i64 = (0..channels).map(|i| value(i).abs()).sum();
-                assert!(sum * i64::from(MOST_INT16) <= i64::from(i32::MAX), "{channels} channels: {sum}");
+                assert!(
+                    sum * i64::from(MOST_INT16) <= i64::from(i32::MAX),
+                    "{channels} channels: {sum}"
+                );
                 for i in 0..channels {
                     let error = (value(i) as f32 * scale - all[i * lanes + lane]).abs();
-                    assert!(error <= 0.501 * scale, "{channels} channels, lane {lane}: {error} of {scale}");
+                    assert!(
+                        error <= 0.501 * scale,
+                        "{channels} channels, lane {lane}: {error} of {scale}"
+                    );
                 }
             }
         }
@@ -324,7 +382,10 @@ mod tests {
                 for [a, b] in coefficients.map(ends) {
                     (least, most) = (least + a.min(b), most + a.max(b));
                 }
-                assert!((most.max(-least) - bound).abs() <= 1e-5 * bound, "{least} to {most}: {bound}");
+                assert!(
+                    (most.max(-least) - bound).abs() <= 1e-5 * bound,
+                    "{least} to {most}: {bound}"
+                );
             }
         }
     }

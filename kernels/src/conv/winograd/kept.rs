@@ -81,7 +81,13 @@ pub(super) fn transform_kernels(
     let vectors = shape.out_channels.div_ceil(isa.lanes());
     let taps = pack(isa, shape, widths.clone(), weights);
     let mut u = Aligned::zeros(points * points * shape.in_channels * vectors * isa.lanes());
-    isa.run(TransformKernels { shape, points, widths, taps: &taps, out: &mut u });
+    isa.run(TransformKernels {
+        shape,
+        points,
+        widths,
+        taps: &taps,
+        out: &mut u,
+    });
     u
 }
 
@@ -118,7 +124,12 @@ impl<W: Iterator<Item = usize> + Clone> TransformKernels<'_, W> {
         let g = &kernel_matrix(K);
         let cin = self.shape.in_channels;
         let vectors = self.shape.out_channels.div_ceil(S::LANES);
-        for (i, row) in self.out.chunks_exact_mut(A * cin * vectors * S::LANES).take(A).enumerate() {
+        for (i, row) in self
+            .out
+            .chunks_exact_mut(A * cin * vectors * S::LANES)
+            .take(A)
+            .enumerate()
+        {
             let (mut from, mut to) = (self.taps, row);
             for vectors in self.widths.clone() {
                 let step = cin * vectors * S::LANES;
@@ -192,7 +203,11 @@ impl Kernel for Part<'_, Weights> {
 impl Part<'_, Weights> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let Part { conv, weights, share } = self;
+        let Part {
+            conv,
+            weights,
+            share,
+        } = self;
         let shape = &conv.weights.shape;
         let walk = Walk {
             conv,
@@ -201,16 +216,36 @@ impl Part<'_, Weights> {
             widths: widths(weights.short, shape.out_channels.div_ceil(S::LANES)),
             to: AsIs,
         };
-        walk.run::<S, A, M>(simd, |Block { strip, row, first, vectors, v, m, half }| {
-            let Layout { inputs, channels, .. } = weights.layout;
-            let u = &weights.u[(row * channels + first) * A * inputs..][..A * inputs * vectors * S::LANES];
-            if weights.short {
-                simd.call(ShortProducts::<A, M> { strip, v, u, half });
-            } else {
-                simd.call(Products::<A> { strip, vectors, v, u, m: &mut *m });
-                simd.call(HalfOutputs::<A, M> { m, half });
-            }
-        });
+        walk.run::<S, A, M>(
+            simd,
+            |Block {
+                 strip,
+                 row,
+                 first,
+                 vectors,
+                 v,
+                 m,
+                 half,
+             }| {
+                let Layout {
+                    inputs, channels, ..
+                } = weights.layout;
+                let u = &weights.u[(row * channels + first) * A * inputs..]
+                    [..A * inputs * vectors * S::LANES];
+                if weights.short {
+                    simd.call(ShortProducts::<A, M> { strip, v, u, half });
+                } else {
+                    simd.call(Products::<A> {
+                        strip,
+                        vectors,
+                        v,
+                        u,
+                        m: &mut *m,
+                    });
+                    simd.call(HalfOutputs::<A, M> { m, half });
+                }
+            },
+        );
     }
 }
 
@@ -228,7 +263,13 @@ impl<const A: usize> Kernel for Products<'_, A> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Products { strip, vectors, v, u, m } = self;
+        let Products {
+            strip,
+            vectors,
+            v,
+            u,
+            m,
+        } = self;
         let Plan { v_step, v_len, .. } = *strip.plan;
         for (j, u) in u.chunks_exact(u.len() / A).enumerate() {
             let (v, m) = (&v[j * v_step..], &mut m[j * S::LANES..]);
@@ -236,8 +277,14 @@ impl<const A: usize> Kernel for Products<'_, A> {
             for (count, tiles) in strip.runs() {
                 if count > 0 {
                     let m = &mut m[vs * A * S::LANES..];
-                    let some =
-                        Groups::<A> { count, v: &v[groups * v_len..], v_len, u, first: groups == 0, m };
+                    let some = Groups::<A> {
+                        count,
+                        v: &v[groups * v_len..],
+                        v_len,
+                        u,
+                        first: groups == 0,
+                        m,
+                    };
                     super::super::for_tile!(tiles, vectors, some.run, S, simd);
                     (groups, vs) = (groups + count, vs + count * tiles * vectors);
                 }
@@ -267,7 +314,8 @@ impl<const A: usize> Groups<'_, A> {
         let step = A * S::LANES; // between the vectors of M
         for group in 0..self.count {
             let v = &self.v[group * self.v_len..][..TILES * cin];
-            let m = &mut self.m[group * TILES * VECTORS * step..][..(TILES * VECTORS - 1) * step + S::LANES];
+            let m = &mut self.m[group * TILES * VECTORS * step..]
+                [..(TILES * VECTORS - 1) * step + S::LANES];
             let mut tiles = [&v[..0]; TILES];
             for i in 0..TILES {
                 tiles[i] = &v[i * cin..][..cin];

@@ -83,7 +83,11 @@ impl Weights {
         } else {
             Kernels::Kept(kept::Weights::new(isa, &inner, points, weights))
         };
-        Weights { shape: inner, points, kernels }
+        Weights {
+            shape: inner,
+            points,
+            kernels,
+        }
     }
 
     /// From `[Cout, k, k, Cin]`, on 16-bit integers.
@@ -96,12 +100,20 @@ impl Weights {
     ) -> Weights {
         let shape = fold::unstrided(shape);
         let kernels = Kernels::Int16(int16::Weights::new(isa, &shape, points, weights, input));
-        Weights { shape, points, kernels }
+        Weights {
+            shape,
+            points,
+            kernels,
+        }
     }
 
     /// The range of inputs, if it is on 16-bit integers.
     pub(super) fn input(&self) -> Option<Quantization> {
-        if let Kernels::Int16(weights) = &self.kernels { Some(weights.input) } else { None }
+        if let Kernels::Int16(weights) = &self.kernels {
+            Some(weights.input)
+        } else {
+            None
+        }
     }
 
     /// The convolution without its stride.
@@ -115,7 +127,11 @@ impl Weights {
 
     /// Scratch values for an output of size `out`.
     pub(super) fn scratch_len(&self, out: Size, threads: &Threads) -> usize {
-        let Weights { shape, points, ref kernels } = *self;
+        let Weights {
+            shape,
+            points,
+            ref kernels,
+        } = *self;
         let each = match kernels {
             Kernels::Kept(weights) => weights.layout.scratch_len(&shape, points, out),
             Kernels::Anew(weights) => anew::scratch_len(weights, &shape, points, out),
@@ -126,8 +142,15 @@ impl Weights {
 
     /// The tiles of a map of so many columns.
     fn tiling(&self, width: usize) -> Tiling {
-        let (rows, channels) = (rows_per_tile(&self.shape, self.points), self.shape.out_channels);
-        Tiling { row_len: width * channels, rows, len: rows * channels }
+        let (rows, channels) = (
+            rows_per_tile(&self.shape, self.points),
+            self.shape.out_channels,
+        );
+        Tiling {
+            row_len: width * channels,
+            rows,
+            len: rows * channels,
+        }
     }
 }
 
@@ -143,11 +166,25 @@ pub(super) struct Winograd<'a> {
 impl Winograd<'_> {
     /// Convolves into `out` (`[H', W', Cout]`); `scratch` is of [`Weights::scratch_len`].
     pub(super) fn run(&self, threads: &Threads, out: &mut [f32], scratch: &mut [f32]) {
-        let tiling = self.weights.tiling(self.weights.shape.out_size(self.size).w);
+        let tiling = self
+            .weights
+            .tiling(self.weights.shape.out_size(self.size).w);
         threads.split_tiles(out, tiling, scratch, |share| match &self.weights.kernels {
-            Kernels::Kept(weights) => self.isa.run(Part { conv: self, weights, share }),
-            Kernels::Anew(weights) => self.isa.run(Part { conv: self, weights, share }),
-            Kernels::Int16(weights) => self.isa.run_dot(Part { conv: self, weights, share }),
+            Kernels::Kept(weights) => self.isa.run(Part {
+                conv: self,
+                weights,
+                share,
+            }),
+            Kernels::Anew(weights) => self.isa.run(Part {
+                conv: self,
+                weights,
+                share,
+            }),
+            Kernels::Int16(weights) => self.isa.run_dot(Part {
+                conv: self,
+                weights,
+                share,
+            }),
         });
     }
 }
@@ -165,7 +202,12 @@ pub(super) fn rows_per_tile(shape: &ConvShape, points: usize) -> usize {
 }
 
 /// `[Cout, k, k, Cin]` as `[block][Cin][vectors of the block][k * k][LANES]`, zeros behind the last channel.
-fn pack(isa: Isa, shape: &ConvShape, blocks: impl Iterator<Item = usize>, weights: &[f32]) -> Aligned<f32> {
+fn pack(
+    isa: Isa,
+    shape: &ConvShape,
+    blocks: impl Iterator<Item = usize>,
+    weights: &[f32],
+) -> Aligned<f32> {
     let (lanes, taps, cin) = (isa.lanes(), shape.kernel * shape.kernel, shape.in_channels);
     let vectors = shape.out_channels.div_ceil(lanes);
     let mut packed = Vec::with_capacity(vectors * lanes * shape.window());

@@ -82,7 +82,10 @@ pub const fn share(points: usize, i: usize) -> f32 {
         return 1.0;
     }
     let pair = if i == 0 { MAX_PAIRS } else { (i - 1) / 2 };
-    let (coefficients, square) = (product(points, pair), if i == 0 { 0.0 } else { pairs(points)[pair] });
+    let (coefficients, square) = (
+        product(points, pair),
+        if i == 0 { 0.0 } else { pairs(points)[pair] },
+    );
     let square = square as f64 * square as f64;
     let mut value = 0.0;
     let mut power = MAX_PAIRS + 1;
@@ -146,9 +149,16 @@ pub(super) fn output_values<S: Simd, const A: usize, const M: usize>(
     y[0] = simd.mul_add(simd.splat(const { share(A, 0) }), m[0], y[0]);
     y[M - 1] = simd.add(y[M - 1], m[A - 1]);
     for p in 0..count {
-        let (even, odd) = (simd.add(m[1 + 2 * p], m[2 + 2 * p]), simd.sub(m[1 + 2 * p], m[2 + 2 * p]));
+        let (even, odd) = (
+            simd.add(m[1 + 2 * p], m[2 + 2 * p]),
+            simd.sub(m[1 + 2 * p], m[2 + 2 * p]),
+        );
         for j in 0..M {
-            y[j] = simd.mul_add(simd.splat(powers[p][j]), if j % 2 == 0 { even } else { odd }, y[j]);
+            y[j] = simd.mul_add(
+                simd.splat(powers[p][j]),
+                if j % 2 == 0 { even } else { odd },
+                y[j],
+            );
         }
     }
     y
@@ -174,5 +184,7 @@ fn input_rows<const A: usize>() -> Vec<Vec<f32>> {
         })
     };
     let columns: Vec<[f32; A]> = (0..A).map(column).collect();
-    (0..A).map(|i| columns.iter().map(|column| column[i]).collect()).collect()
+    (0..A)
+        .map(|i| columns.iter().map(|column| column[i]).collect())
+        .collect()
 }

@@ -32,10 +32,10 @@ pub(super) struct Plan {
 /// How kept kernels lie, on which the cut depends besides the map.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    pub inputs: usize,   // values of 32 bits in V and U, per point and tile or output channel
+    pub inputs: usize, // values of 32 bits in V and U, per point and tile or output channel
     pub channels: usize, // Cout, in whole vectors
-    pub lanes: usize,    // of the widest block
-    pub group: usize,    // most tiles that are multiplied at a time
+    pub lanes: usize,  // of the widest block
+    pub group: usize,  // most tiles that are multiplied at a time
 }
 
 impl Layout {
@@ -43,25 +43,42 @@ impl Layout {
     pub fn new(isa: Isa, inputs: usize, widths: impl Iterator<Item = usize> + Clone) -> Layout {
         let widest = widths.clone().max().unwrap_or(0);
         let channels = widths.sum::<usize>() * isa.lanes();
-        Layout { inputs, channels, lanes: widest * isa.lanes(), group: isa.tile_pixels(widest) }
+        Layout {
+            inputs,
+            channels,
+            lanes: widest * isa.lanes(),
+            group: isa.tile_pixels(widest),
+        }
     }
 
     /// Scratch values per thread.
     pub fn scratch_len(&self, shape: &ConvShape, points: usize, out: Size) -> usize {
-        LINE + Plan::new(self, shape, points, out).lens(points).iter().sum::<usize>()
+        LINE + Plan::new(self, shape, points, out)
+            .lens(points)
+            .iter()
+            .sum::<usize>()
     }
 }
 
 impl Plan {
     fn new(layout: &Layout, shape: &ConvShape, points: usize, out: Size) -> Plan {
-        let Layout { inputs, channels, lanes, group } = *layout;
+        let Layout {
+            inputs,
+            channels,
+            lanes,
+            group,
+        } = *layout;
         let m = rows_per_tile(shape, points);
         let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
         let per_tile = points * (points * inputs + m * channels); // of V and M A
         let most = STRIP_VALUES.max(points * points * inputs * channels / STRIP_SHARE) / per_tile;
         let strips = (across * down).div_ceil(most.max(group));
         let strip = (across * down).div_ceil(strips);
-        let strip = if strips > 1 { strip.next_multiple_of(group) } else { strip };
+        let strip = if strips > 1 {
+            strip.next_multiple_of(group)
+        } else {
+            strip
+        };
         let v_step = step(group * inputs);
         Plan {
             across,
@@ -78,7 +95,12 @@ impl Plan {
     /// Values on the way to `V`, of `V`, of a row of `M`, and of `M A`.
     fn lens(&self, points: usize) -> [usize; 4] {
         let groups = self.strip.div_ceil(self.group);
-        [self.lines_len, groups * self.v_len, self.m_len, points * self.half_step]
+        [
+            self.lines_len,
+            groups * self.v_len,
+            self.m_len,
+            points * self.half_step,
+        ]
     }
 }
 
@@ -101,10 +123,13 @@ impl Strip<'_> {
     #[inline(always)]
     fn places(&self, inputs: usize) -> impl Iterator<Item = usize> {
         let v_len = self.plan.v_len;
-        let groups = self.runs().into_iter().flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
-        groups
-            .enumerate()
-            .flat_map(move |(group, tiles)| (0..tiles).map(move |tile| group * v_len + tile * inputs))
+        let groups = self
+            .runs()
+            .into_iter()
+            .flat_map(|(groups, tiles)| std::iter::repeat_n(tiles, groups));
+        groups.enumerate().flat_map(move |(group, tiles)| {
+            (0..tiles).map(move |tile| group * v_len + tile * inputs)
+        })
     }
 }
 
@@ -131,12 +156,33 @@ pub(super) struct Block<'a> {
 impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
     /// All strips; `multiply` turns `V` into `M A`.
     #[inline(always)]
-    pub fn run<S: Simd, const A: usize, const M: usize>(self, simd: S, mut multiply: impl FnMut(Block<'_>)) {
-        let Walk { conv, share, layout, widths, to } = self;
-        let Share { first_row, tiles: all, mut map, scratch } = share;
-        let Winograd { bias, input, size, .. } = *conv;
+    pub fn run<S: Simd, const A: usize, const M: usize>(
+        self,
+        simd: S,
+        mut multiply: impl FnMut(Block<'_>),
+    ) {
+        let Walk {
+            conv,
+            share,
+            layout,
+            widths,
+            to,
+        } = self;
+        let Share {
+            first_row,
+            tiles: all,
+            mut map,
+            scratch,
+        } = share;
+        let Winograd {
+            bias, input, size, ..
+        } = *conv;
         let shape = &conv.weights.shape;
-        let ConvShape { in_channels: channels, relu, .. } = *shape;
+        let ConvShape {
+            in_channels: channels,
+            relu,
+            ..
+        } = *shape;
         let out = shape.out_size(size);
         let plan = &Plan::new(layout, shape, A, out);
         let [lines_len, v_len, m_len, _] = plan.lens(A);
@@ -145,9 +191,15 @@ impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
         let (m, half) = scratch.split_at_mut(m_len);
         let per_float = size_of::<f32>() / size_of::<T::Value>();
         for first_tile in all.clone().step_by(plan.strip) {
-            let strip = &Strip { plan, tiles: first_tile..all.end.min(first_tile + plan.strip) };
+            let strip = &Strip {
+                plan,
+                tiles: first_tile..all.end.min(first_tile + plan.strip),
+            };
             let count = strip.tiles.len();
-            let tiles = Tiles { across: plan.across, range: strip.tiles.clone() };
+            let tiles = Tiles {
+                across: plan.across,
+                range: strip.tiles.clone(),
+            };
             simd.call(InputTiles::<_, _, A, M> {
                 input,
                 size,
@@ -157,7 +209,10 @@ impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
                 lines: &mut *lines,
                 v: bytemuck::cast_slice_mut(v),
                 places: strip.places(layout.inputs).map(|place| place * per_float),
-                steps: Steps { point: plan.v_step * per_float, vector: S::LANES },
+                steps: Steps {
+                    point: plan.v_step * per_float,
+                    vector: S::LANES,
+                },
                 to,
             });
             for (row, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
@@ -187,7 +242,12 @@ impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
                     channels: bias.len(),
                     first,
                 };
-                simd.call(OutputTiles::<A, M> { tiles: tiles.clone(), map: &mut map, width: out.w, block });
+                simd.call(OutputTiles::<A, M> {
+                    tiles: tiles.clone(),
+                    map: &mut map,
+                    width: out.w,
+                    block,
+                });
                 first += vectors * S::LANES;
             }
         }

@@ -43,12 +43,27 @@ impl<P: Iterator<Item = usize>, T: Stored, const A: usize, const M: usize> Kerne
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let InputTiles { input, size, channels, first_row, tiles, lines, v, mut places, steps, to } = self;
+        let InputTiles {
+            input,
+            size,
+            channels,
+            first_row,
+            tiles,
+            lines,
+            v,
+            mut places,
+            steps,
+            to,
+        } = self;
         let mut first = tiles.range.start;
         while first < tiles.range.end {
             let count = (tiles.across - first % tiles.across).min(tiles.range.end - first); // in this row
             let (band, column) = tiles.place(first);
-            let mut lines = Lines { values: &mut *lines, columns: (count - 1) * M + A, channels };
+            let mut lines = Lines {
+                values: &mut *lines,
+                columns: (count - 1) * M + A,
+                channels,
+            };
             lines.fill::<S, A>(simd, input, size, (first_row + band * M, column * M));
             for (tile, place) in (0..count).zip(&mut places) {
                 lines.tile::<S, T, A>(simd, tile * M, &mut v[place..], steps, to);
@@ -115,7 +130,9 @@ impl Lines<'_> {
         size: Size,
         (y, x): (usize, usize),
     ) {
-        let Lines { columns, channels, .. } = *self;
+        let Lines {
+            columns, channels, ..
+        } = *self;
         let (rows, len) = (A.min(size.h - y), columns.min(size.w - x) * channels);
         let (from_step, to_step) = (size.w * channels, step(columns * channels));
         let input = &input[y * from_step + x * channels..];
@@ -123,7 +140,11 @@ impl Lines<'_> {
             let mut d = [simd.zero(); A];
             for i in 0..rows {
                 let from = &input[i * from_step + at..];
-                d[i] = if len >= S::LANES { simd.load(from) } else { simd.load_partial(&from[..len]) };
+                d[i] = if len >= S::LANES {
+                    simd.load(from)
+                } else {
+                    simd.load_partial(&from[..len])
+                };
             }
             for (i, value) in input_points::<S, A>(simd, &d).into_iter().enumerate() {
                 simd.store(value, &mut self.values[i * to_step + at..]);
@@ -148,7 +169,9 @@ impl Lines<'_> {
         steps: Steps,
         to: T,
     ) {
-        let Lines { columns, channels, .. } = *self;
+        let Lines {
+            columns, channels, ..
+        } = *self;
         let from_step = step(columns * channels);
         for vector in 0..channels.div_ceil(S::LANES) {
             for i in 0..A {
@@ -159,7 +182,12 @@ impl Lines<'_> {
                 }
                 for (j, value) in input_points::<S, A>(simd, &d).into_iter().enumerate() {
                     let point = i * A + j;
-                    to.store(simd, point, value, &mut v[point * steps.point + vector * steps.vector..]);
+                    to.store(
+                        simd,
+                        point,
+                        value,
+                        &mut v[point * steps.point + vector * steps.vector..],
+                    );
                 }
             }
         }
@@ -184,7 +212,10 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let (rows, halves) = (self.m.chunks_exact(A * S::LANES), self.half.chunks_exact_mut(M * S::LANES));
+        let (rows, halves) = (
+            self.m.chunks_exact(A * S::LANES),
+            self.half.chunks_exact_mut(M * S::LANES),
+        );
         for (row, half) in rows.zip(halves) {
             let m: [S::F32; A] = std::array::from_fn(|j| simd.load(&row[j * S::LANES..]));
             let line = output_values::<S, A, M>(simd, &m);
@@ -219,7 +250,12 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let OutputTiles { tiles, map, width, block } = self;
+        let OutputTiles {
+            tiles,
+            map,
+            width,
+            block,
+        } = self;
         let height = map.height();
         for (i, tile) in tiles.range.clone().enumerate() {
             let (band, column) = tiles.place(tile);
@@ -256,7 +292,15 @@ impl OutputBlock<'_> {
         (rows, columns): (usize, usize),
         mut write: impl FnMut(usize, Range<usize>, S::F32),
     ) {
-        let OutputBlock { vectors, half, half_step, bias, relu, channels, first } = *self;
+        let OutputBlock {
+            vectors,
+            half,
+            half_step,
+            bias,
+            relu,
+            channels,
+            first,
+        } = *self;
         let floor = simd.splat(if relu { 0.0 } else { f32::NEG_INFINITY });
         for (vector, bias) in bias.chunks(S::LANES).enumerate() {
             let half = &half[(tile * vectors + vector) * M * S::LANES..];

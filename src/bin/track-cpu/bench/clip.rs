@@ -27,8 +27,12 @@ pub struct Clip {
 impl Clip {
     /// Renders them.
     pub fn render() -> Clip {
-        let config =
-            FlightConfig { width: WIDTH, height: HEIGHT, frames: PREPARED, ..FlightConfig::default() };
+        let config = FlightConfig {
+            width: WIDTH,
+            height: HEIGHT,
+            frames: PREPARED,
+            ..FlightConfig::default()
+        };
         let flight = Flight::new(config);
         let mut target = BBox::default();
         let mut render = |index| {
@@ -45,7 +49,10 @@ impl Clip {
 
     /// The frames in order.
     pub fn frames(&self) -> Result<Vec<Frame<'_>>, FrameError> {
-        self.buffers.iter().map(|b| Frame::new(&b.data, b.width, b.height, ChannelOrder::Rgb)).collect()
+        self.buffers
+            .iter()
+            .map(|b| Frame::new(&b.data, b.width, b.height, ChannelOrder::Rgb))
+            .collect()
     }
 
     /// What the frames take in memory, in MiB.
@@ -57,7 +64,10 @@ impl Clip {
     pub fn write(&self) -> Result<Pictures, Failure> {
         let folder = std::env::temp_dir().join(format!("track-cpu-bench-{}", std::process::id()));
         std::fs::create_dir_all(&folder).map_err(|error| Failure::output(&folder, error))?;
-        let mut pictures = Pictures { folder, paths: Vec::new() };
+        let mut pictures = Pictures {
+            folder,
+            paths: Vec::new(),
+        };
         for (i, buffer) in self.buffers.iter().enumerate() {
             let path = pictures.folder.join(format!("{i:04}.jpg"));
             let failure = |error: &dyn std::fmt::Display| Failure::output(&path, error);

@@ -11,14 +11,25 @@ use crate::report::{print, rounded, table};
 /// Largest file that is read, in bytes.
 const MAX_BYTES: u64 = 16 << 20;
 /// What has to be alike for two measurements to be of the same thing.
-const CONDITIONS: [&str; 8] =
-    ["machine/cpu", "machine/build", "isa", "threads", "precision", "model", "width", "height"];
+const CONDITIONS: [&str; 8] = [
+    "machine/cpu",
+    "machine/build",
+    "isa",
+    "threads",
+    "precision",
+    "model",
+    "width",
+    "height",
+];
 /// Differences below this share are never called one: clocks and caches differ by as much from run to run.
 const LEAST: f64 = 0.01;
 
 /// Reads two files that `bench --json` wrote and prints the verdict.
 pub fn run(before: &Path, after: &Path, as_json: bool) -> Result<(), Failure> {
-    let comparison = Comparison { before: read(before)?, after: read(after)? };
+    let comparison = Comparison {
+        before: read(before)?,
+        after: read(after)?,
+    };
     let verdict = comparison.verdict();
     match as_json {
         true => print(&comparison.json(&verdict).to_string()),
@@ -61,13 +72,17 @@ impl Comparison {
     fn verdict(&self) -> Verdict {
         let (a, b) = (median(&self.before.blocks), median(&self.after.blocks));
         let noise = 2.0 * (spread(&self.before.blocks) / a).hypot(spread(&self.after.blocks) / b);
-        Verdict { change: b / a - 1.0, noise: noise.max(LEAST) }
+        Verdict {
+            change: b / a - 1.0,
+            noise: noise.max(LEAST),
+        }
     }
 
     /// Conditions that differ, with what they were.
     fn differences(&self) -> Vec<(&'static str, String, String)> {
         let differs = |name: &&'static str| {
-            let [a, b] = [&self.before, &self.after].map(|run| show(run.value.pointer(&format!("/{name}"))));
+            let [a, b] =
+                [&self.before, &self.after].map(|run| show(run.value.pointer(&format!("/{name}"))));
             (a != b).then_some((*name, a, b))
         };
         CONDITIONS.iter().filter_map(differs).collect()
@@ -76,10 +91,14 @@ impl Comparison {
     fn text(&self, verdict: &Verdict) -> String {
         let mut rows = Vec::new();
         let mut row = |name: String, pointer: &str| {
-            let [a, b] =
-                [&self.before, &self.after].map(|run| run.value.pointer(pointer).and_then(Value::as_f64));
+            let [a, b] = [&self.before, &self.after]
+                .map(|run| run.value.pointer(pointer).and_then(Value::as_f64));
             if let (Some(a), Some(b)) = (a, b) {
-                let change = if a > 0.0 { format!("{:+.1} %", 100.0 * (b / a - 1.0)) } else { "-".into() };
+                let change = if a > 0.0 {
+                    format!("{:+.1} %", 100.0 * (b / a - 1.0))
+                } else {
+                    "-".into()
+                };
                 rows.push(vec![name, format!("{a:.3}"), format!("{b:.3}"), change]);
             }
         };
@@ -95,9 +114,16 @@ impl Comparison {
         ] {
             row(name.into(), pointer);
         }
-        let stages = self.before.value.get("stages_ms").and_then(Value::as_object);
+        let stages = self
+            .before
+            .value
+            .get("stages_ms")
+            .and_then(Value::as_object);
         for name in stages.into_iter().flat_map(|stages| stages.keys()) {
-            row(format!("{name} ms"), &format!("/stages_ms/{}", name.replace('~', "~0").replace('/', "~1")));
+            row(
+                format!("{name} ms"),
+                &format!("/stages_ms/{}", name.replace('~', "~0").replace('/', "~1")),
+            );
         }
         let mut text = table(&["", "before", "after", "change"], &rows);
         for (name, a, b) in self.differences() {
@@ -124,8 +150,14 @@ impl Comparison {
 }
 
 fn read(path: &Path) -> Result<Run, Failure> {
-    let failure = |reason: String| SourceError::Format { input: path.display().to_string(), reason };
-    let io = |error| SourceError::Io { path: path.into(), error };
+    let failure = |reason: String| SourceError::Format {
+        input: path.display().to_string(),
+        reason,
+    };
+    let io = |error| SourceError::Io {
+        path: path.into(),
+        error,
+    };
     let bytes = std::fs::metadata(path).map_err(io)?.len();
     if bytes > MAX_BYTES {
         return Err(failure(format!("{bytes} bytes, expected at most {MAX_BYTES}")).into());
@@ -133,19 +165,25 @@ fn read(path: &Path) -> Result<Run, Failure> {
     let text = std::fs::read_to_string(path).map_err(io)?;
     let value: Value = serde_json::from_str(&text).map_err(|error| failure(error.to_string()))?;
     let blocks = value.get("blocks_ms").and_then(Value::as_array);
-    let blocks: Option<Vec<f64>> = blocks.and_then(|blocks| blocks.iter().map(Value::as_f64).collect());
+    let blocks: Option<Vec<f64>> =
+        blocks.and_then(|blocks| blocks.iter().map(Value::as_f64).collect());
     match blocks.filter(|blocks| !blocks.is_empty() && blocks.iter().all(|block| *block > 0.0)) {
         Some(blocks) => Ok(Run { value, blocks }),
         None => {
             let reason =
-                "expected what `track-cpu bench --json` writes, with times above 0 in blocks_ms".into();
+                "expected what `track-cpu bench --json` writes, with times above 0 in blocks_ms"
+                    .into();
             Err(failure(reason).into())
         }
     }
 }
 
 fn show(value: Option<&Value>) -> String {
-    value.map_or("not told".into(), |value| value.as_str().map_or_else(|| value.to_string(), str::to_string))
+    value.map_or("not told".into(), |value| {
+        value
+            .as_str()
+            .map_or_else(|| value.to_string(), str::to_string)
+    })
 }
 
 fn median(values: &[f64]) -> f64 {
@@ -170,8 +208,15 @@ mod tests {
     use super::*;
 
     fn verdict(before: &[f64], after: &[f64]) -> (&'static str, f64) {
-        let run = |blocks: &[f64]| Run { value: Value::Null, blocks: blocks.to_vec() };
-        let verdict = Comparison { before: run(before), after: run(after) }.verdict();
+        let run = |blocks: &[f64]| Run {
+            value: Value::Null,
+            blocks: blocks.to_vec(),
+        };
+        let verdict = Comparison {
+            before: run(before),
+            after: run(after),
+        }
+        .verdict();
         (verdict.word(), verdict.change)
     }
 
@@ -185,7 +230,10 @@ mod tests {
         let loud = [18.0, 22.0, 20.0, 25.0, 19.0];
         assert_eq!(verdict(&loud, &loud.map(|t| t * 1.1)).0, "same");
         // One interrupted block does not hide a difference.
-        assert_eq!(verdict(&[20.0, 20.1, 19.9, 90.0, 20.0], &quiet.map(|t| t * 1.1)).0, "slower");
+        assert_eq!(
+            verdict(&[20.0, 20.1, 19.9, 90.0, 20.0], &quiet.map(|t| t * 1.1)).0,
+            "slower"
+        );
     }
 
     #[test]

@@ -65,7 +65,13 @@ pub fn measure(
 ) -> Result<Measured, Failure> {
     let frames = clip.frames()?;
     let make = |threads| {
-        Tracker::with_options(model.clone(), TrackerOptions { threads, ..args.engine.options(model) })
+        Tracker::with_options(
+            model.clone(),
+            TrackerOptions {
+                threads,
+                ..args.engine.options(model)
+            },
+        )
     };
     let mut tracker = make(args.engine.threads);
     tracker.init(&frames[0], clip.target)?; // the first call also touches every buffer
@@ -76,7 +82,11 @@ pub fn measure(
     let mut order = there_and_back(frames.len()).map(|i| &frames[i]);
     warm_up(&mut tracker, &mut order, args.frames / 10, &tick)?;
     let (times, stages) = updates(&mut tracker, &mut order, args.frames, &tick)?;
-    let decoding = if args.decode { Some(decoding(&mut tracker, clip, args.frames, &tick)?) } else { None };
+    let decoding = if args.decode {
+        Some(decoding(&mut tracker, clip, args.frames, &tick)?)
+    } else {
+        None
+    };
     let mut sweep = Vec::new();
     for &threads in threads {
         let (mut tracker, count) = (make(threads), sweep_frames(args));
@@ -87,7 +97,14 @@ pub fn measure(
     }
     let long = Duration::from_secs_f64(60.0 * args.minutes.unwrap_or(0.0));
     let endurance = endurance(&mut tracker, &mut order, long)?;
-    Ok(Measured { init_ms, frames: times, stages, decoding, sweep, endurance })
+    Ok(Measured {
+        init_ms,
+        frames: times,
+        stages,
+        decoding,
+        sweep,
+        endurance,
+    })
 }
 
 fn warm_up<'a>(
@@ -125,11 +142,19 @@ fn updates<'a>(
         }
         tick();
     }
-    let stages = stages.into_iter().map(|(name, times)| (name, Times::new(&times))).collect();
+    let stages = stages
+        .into_iter()
+        .map(|(name, times)| (name, Times::new(&times)))
+        .collect();
     Ok((Times::new(&times), stages))
 }
 
-fn decoding(tracker: &mut Tracker, clip: &Clip, count: usize, tick: &impl Fn()) -> Result<Decoding, Failure> {
+fn decoding(
+    tracker: &mut Tracker,
+    clip: &Clip,
+    count: usize,
+    tick: &impl Fn(),
+) -> Result<Decoding, Failure> {
     let pictures = clip.write()?;
     let paths: Vec<_> = pictures.paths().collect();
     let (mut decode, mut all) = (Vec::with_capacity(count), Vec::with_capacity(count));
@@ -137,13 +162,19 @@ fn decoding(tracker: &mut Tracker, clip: &Clip, count: usize, tick: &impl Fn()) 
         let started = Instant::now();
         let mut source = Source::open(&Input::new(paths[i]))?;
         let Some(image) = source.next() else { continue };
-        let image = image.map_err(|error| Failure::Frame { frame: index, error })?;
+        let image = image.map_err(|error| Failure::Frame {
+            frame: index,
+            error,
+        })?;
         decode.push(started.elapsed());
         tracker.update(&image.frame())?;
         all.push(started.elapsed());
         tick();
     }
-    Ok(Decoding { decode: Times::new(&decode), all: Times::new(&all) })
+    Ok(Decoding {
+        decode: Times::new(&decode),
+        all: Times::new(&all),
+    })
 }
 
 fn endurance<'a>(
@@ -162,7 +193,10 @@ fn endurance<'a>(
             times.push(started.elapsed());
         }
         let median_ms = Times::new(&times).percentile(0.5);
-        windows.push(Window { until_s: began.elapsed().as_secs_f64(), median_ms });
+        windows.push(Window {
+            until_s: began.elapsed().as_secs_f64(),
+            median_ms,
+        });
     }
     Ok(windows)
 }

@@ -28,7 +28,11 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let bar = progress(Some(measure::steps(args, &threads)));
     let measured = measure::measure(args, &model, &clip, &threads, || bar.inc(1))?;
     bar.finish_and_clear();
-    let report = Report { args, model: &model, measured };
+    let report = Report {
+        args,
+        model: &model,
+        measured,
+    };
     match (args.json, args.markdown) {
         (true, _) => print(&report.json().to_string()),
         (_, true) => print(&report.markdown()),
@@ -64,9 +68,12 @@ pub fn model(args: &BenchArgs) -> Result<Model, Failure> {
 
 /// 1, 2, 4 ... threads, and as many as there are cores.
 fn sweep() -> Vec<usize> {
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(256);
-    let mut threads: Vec<usize> =
-        std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < cores).collect();
+    let cores = std::thread::available_parallelism()
+        .map_or(1, |n| n.get())
+        .min(256);
+    let mut threads: Vec<usize> = std::iter::successors(Some(1), |n| Some(2 * n))
+        .take_while(|n| *n < cores)
+        .collect();
     threads.push(cores);
     threads
 }

@@ -26,18 +26,27 @@ impl Row {
     /// The fastest algorithm that was allowed.
     fn fastest(&self) -> &'static str {
         let floats = Algorithm::ALL.map(Algorithm::name);
-        let allowed = self.times.iter().filter(|(name, _)| self.integers || floats.contains(name));
-        allowed.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(self.planned, |(name, _)| name)
+        let allowed = self
+            .times
+            .iter()
+            .filter(|(name, _)| self.integers || floats.contains(name));
+        allowed
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(self.planned, |(name, _)| name)
     }
 
     fn time(&self, algorithm: &str) -> Option<f64> {
-        self.times.iter().find(|(name, _)| *name == algorithm).map(|(_, ms)| *ms)
+        self.times
+            .iter()
+            .find(|(name, _)| *name == algorithm)
+            .map(|(_, ms)| *ms)
     }
 }
 
 /// Convolutions of a search pass.
 fn convolutions(model: &Model) -> impl Iterator<Item = LayerPlan> {
-    let search = |plan: &LayerPlan| plan.algorithm.is_some() && plan.layer.branch != Branch::Template;
+    let search =
+        |plan: &LayerPlan| plan.algorithm.is_some() && plan.layer.branch != Branch::Template;
     model.plan().into_iter().filter(search)
 }
 
@@ -49,28 +58,43 @@ pub fn steps(model: &Model) -> usize {
 /// Measures all of them on one thread.
 pub fn measure(model: &Model, mut done: impl FnMut()) -> Vec<Row> {
     let isa = model.isa();
-    let rows = convolutions(model).map(|LayerPlan { layer, algorithm, input }| {
-        let side = (layer.out_search - 1) * layer.stride + layer.kernel - 2 * layer.pad;
-        let (shape, size) = (conv_shape(&layer), Size::square(side));
-        let range = Quantization { scale: 1.0 / 128.0, zero_point: 128 };
-        let all = Algorithm::ALL.into_iter().chain(Algorithm::integers(range));
-        let times = all.filter(|a| a.supported(&shape) == *a);
-        let times = times.map(|algorithm| (algorithm.name(), time(isa, algorithm, shape, size))).collect();
-        done();
-        Row {
-            mmacs: shape.macs(size) as f64 / 1e6,
-            planned: algorithm.map_or("", Algorithm::name),
-            integers: input.is_some(),
-            layer: layer.name,
-            times,
-        }
-    });
+    let rows = convolutions(model).map(
+        |LayerPlan {
+             layer,
+             algorithm,
+             input,
+         }| {
+            let side = (layer.out_search - 1) * layer.stride + layer.kernel - 2 * layer.pad;
+            let (shape, size) = (conv_shape(&layer), Size::square(side));
+            let range = Quantization {
+                scale: 1.0 / 128.0,
+                zero_point: 128,
+            };
+            let all = Algorithm::ALL.into_iter().chain(Algorithm::integers(range));
+            let times = all.filter(|a| a.supported(&shape) == *a);
+            let times = times
+                .map(|algorithm| (algorithm.name(), time(isa, algorithm, shape, size)))
+                .collect();
+            done();
+            Row {
+                mmacs: shape.macs(size) as f64 / 1e6,
+                planned: algorithm.map_or("", Algorithm::name),
+                integers: input.is_some(),
+                layer: layer.name,
+                times,
+            }
+        },
+    );
     rows.collect()
 }
 
 /// The median time of one convolution, in milliseconds.
 fn time(isa: Isa, algorithm: Algorithm, shape: ConvShape, size: Size) -> f64 {
-    let values = |n: usize| (0..n).map(|i| ((i * 7919) % 1000) as f32 / 500.0 - 1.0).collect::<Vec<_>>();
+    let values = |n: usize| {
+        (0..n)
+            .map(|i| ((i * 7919) % 1000) as f32 / 500.0 - 1.0)
+            .collect::<Vec<_>>()
+    };
     let weights = values(shape.out_channels * shape.kernel * shape.kernel * shape.in_channels);
     let input = values(size.area() * shape.in_channels);
     let conv = Conv::new(isa, algorithm, shape, &weights, &values(shape.out_channels));
@@ -100,14 +124,22 @@ pub fn text(model: &Model, rows: &[Row]) -> String {
         "winograd6-int16",
         "winograd8-int16",
     ];
-    let mut text =
-        format!("one thread, {}, ms per convolution\n\n{:18} {:>8}", model.isa().name(), "layer", "MMAC");
-    columns.iter().for_each(|name| text += &format!(" {name:>15}"));
+    let mut text = format!(
+        "one thread, {}, ms per convolution\n\n{:18} {:>8}",
+        model.isa().name(),
+        "layer",
+        "MMAC"
+    );
+    columns
+        .iter()
+        .for_each(|name| text += &format!(" {name:>15}"));
     text += &format!("  {:>15} {:>15}\n", "planned", "fastest");
     for row in rows {
         text += &format!("{:18} {:8.1}", row.layer, row.mmacs);
         for name in columns {
-            text += &row.time(name).map_or(format!(" {:>15}", "-"), |ms| format!(" {ms:15.3}"));
+            text += &row
+                .time(name)
+                .map_or(format!(" {:>15}", "-"), |ms| format!(" {ms:15.3}"));
         }
         text += &format!("  {:>15} {:>15}\n", row.planned, row.fastest());
     }
@@ -122,7 +154,10 @@ pub fn text(model: &Model, rows: &[Row]) -> String {
 pub fn json(model: &Model, rows: &[Row]) -> Value {
     let [planned, fastest] = totals(rows);
     let layers = rows.iter().map(|row| {
-        let times = row.times.iter().map(|(name, ms)| ((*name).to_owned(), json!(ms)));
+        let times = row
+            .times
+            .iter()
+            .map(|(name, ms)| ((*name).to_owned(), json!(ms)));
         json!({
             "layer": row.layer,
             "mmacs": row.mmacs,
@@ -142,7 +177,8 @@ pub fn json(model: &Model, rows: &[Row]) -> Value {
 
 /// All layers together, as planned and with the fastest of each.
 fn totals(rows: &[Row]) -> [f64; 2] {
-    let total =
-        |choice: &dyn Fn(&Row) -> &'static str| rows.iter().filter_map(|row| row.time(choice(row))).sum();
+    let total = |choice: &dyn Fn(&Row) -> &'static str| {
+        rows.iter().filter_map(|row| row.time(choice(row))).sum()
+    };
     [total(&|row| row.planned), total(&Row::fastest)]
 }

@@ -27,7 +27,11 @@ pub struct Report<'a> {
 impl Report<'_> {
     /// Billions of floating-point operations per second within the network, two per multiply-accumulate.
     fn gflops(&self) -> f64 {
-        let network = self.measured.stages.iter().filter(|(name, _)| NETWORK.contains(name));
+        let network = self
+            .measured
+            .stages
+            .iter()
+            .filter(|(name, _)| NETWORK.contains(name));
         let milliseconds: f64 = network.map(|(_, times)| times.mean()).sum();
         2.0 * self.model.architecture().macs_search() as f64 / milliseconds / 1e6
     }
@@ -83,8 +87,17 @@ impl Report<'_> {
             lines.push(("decoding", text));
         }
         if !self.measured.sweep.is_empty() {
-            let one = |(threads, times): &(usize, Times)| format!("{threads}: {:.1} FPS", times.fps());
-            lines.push(("threads", self.measured.sweep.iter().map(one).collect::<Vec<_>>().join(", ")));
+            let one =
+                |(threads, times): &(usize, Times)| format!("{threads}: {:.1} FPS", times.fps());
+            lines.push((
+                "threads",
+                self.measured
+                    .sweep
+                    .iter()
+                    .map(one)
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            ));
         }
         if let Some(drift) = drift(&self.measured.endurance) {
             lines.push(("minutes", drift));
@@ -95,7 +108,8 @@ impl Report<'_> {
     fn stage_rows(&self) -> Vec<Vec<String>> {
         let total = self.measured.frames.mean();
         let row = |(name, times): &(&str, Times)| {
-            let ms = [times.mean(), times.percentile(0.5), times.percentile(0.95)].map(|v| format!("{v:.3}"));
+            let ms = [times.mean(), times.percentile(0.5), times.percentile(0.95)]
+                .map(|v| format!("{v:.3}"));
             let share = format!("{:.1} %", 100.0 * times.mean() / total);
             [vec![(*name).to_string()], ms.to_vec(), vec![share]].concat()
         };
@@ -104,9 +118,14 @@ impl Report<'_> {
 
     /// For a terminal.
     pub fn text(&self) -> String {
-        let Measured { init_ms, frames, .. } = &self.measured;
+        let Measured {
+            init_ms, frames, ..
+        } = &self.measured;
         let peak = Self::peak_mib().map_or("unknown on this system".into(), |mib| {
-            format!("{mib:.0} MiB, of which {:.0} MiB are the prepared frames", Clip::mib())
+            format!(
+                "{mib:.0} MiB, of which {:.0} MiB are the prepared frames",
+                Clip::mib()
+            )
         });
         let mut lines = vec![
             ("machine", Machine::detect().to_string()),
@@ -114,33 +133,62 @@ impl Report<'_> {
             ("run", self.run()),
             ("", String::new()),
             ("speed", Self::speed(frames)),
-            ("latency", format!("{}; init {init_ms:.2} ms", Self::latency(frames))),
+            (
+                "latency",
+                format!("{}; init {init_ms:.2} ms", Self::latency(frames)),
+            ),
             ("network", format!("{:.1} GFLOP/s", self.gflops())),
             ("memory", peak),
         ];
         lines.extend(self.more());
-        let lines: Vec<String> =
-            lines.iter().map(|(name, text)| format!("{name:<9}{text}").trim_end().to_string()).collect();
-        let stages = table(&["stage", "mean ms", "p50 ms", "p95 ms", "share"], &self.stage_rows());
-        format!("{}\n\n{stages}\n\n{}", lines.join("\n"), algorithms(&self.model.plan()))
+        let lines: Vec<String> = lines
+            .iter()
+            .map(|(name, text)| format!("{name:<9}{text}").trim_end().to_string())
+            .collect();
+        let stages = table(
+            &["stage", "mean ms", "p50 ms", "p95 ms", "share"],
+            &self.stage_rows(),
+        );
+        format!(
+            "{}\n\n{stages}\n\n{}",
+            lines.join("\n"),
+            algorithms(&self.model.plan())
+        )
     }
 
     /// For a document.
     pub fn markdown(&self) -> String {
-        let Measured { init_ms, frames, .. } = &self.measured;
+        let Measured {
+            init_ms, frames, ..
+        } = &self.measured;
         let mut rows = vec![
             ("machine", Machine::detect().to_string()),
             ("model", self.model_line()),
             ("run", self.run()),
-            ("speed", format!("**{:.1} FPS** (frames / total time)", frames.fps())),
-            ("got10k's mean of rates", format!("{:.1} FPS", frames.mean_of_rates())),
-            ("latency", format!("{}; init {init_ms:.2} ms", Self::latency(frames))),
+            (
+                "speed",
+                format!("**{:.1} FPS** (frames / total time)", frames.fps()),
+            ),
+            (
+                "got10k's mean of rates",
+                format!("{:.1} FPS", frames.mean_of_rates()),
+            ),
+            (
+                "latency",
+                format!("{}; init {init_ms:.2} ms", Self::latency(frames)),
+            ),
             ("network", format!("{:.1} GFLOP/s", self.gflops())),
         ];
         rows.extend(self.more());
-        let rows: String = rows.iter().map(|(name, text)| format!("| {name} | {text} |\n")).collect();
-        let stages: String =
-            self.stage_rows().iter().map(|row| format!("| {} |\n", row.join(" | "))).collect();
+        let rows: String = rows
+            .iter()
+            .map(|(name, text)| format!("| {name} | {text} |\n"))
+            .collect();
+        let stages: String = self
+            .stage_rows()
+            .iter()
+            .map(|row| format!("| {} |\n", row.join(" | ")))
+            .collect();
         format!(
             "| | |\n|---|---|\n{rows}\n| stage | mean ms | p50 ms | p95 ms | share |\n|---|---:|---:|---:|---:|\n{}",
             stages.trim_end()
@@ -149,7 +197,14 @@ impl Report<'_> {
 
     /// For programs, `bench --compare` among them.
     pub fn json(&self) -> Value {
-        let Measured { init_ms, frames, stages, decoding, sweep, endurance } = &self.measured;
+        let Measured {
+            init_ms,
+            frames,
+            stages,
+            decoding,
+            sweep,
+            endurance,
+        } = &self.measured;
         let ms = |value: f64| rounded(value, 4);
         let stage = |(name, times): &(&str, Times)| ((*name).to_string(), ms(times.mean()));
         let layer = |plan: &LayerPlan| {
@@ -157,7 +212,8 @@ impl Report<'_> {
             json!({ "name": plan.layer.name, "algorithm": algorithm })
         };
         let latency = |times: &Times| {
-            let [p50, p95, p99, max] = [0.5, 0.95, 0.99, 1.0].map(|share| ms(times.percentile(share)));
+            let [p50, p95, p99, max] =
+                [0.5, 0.95, 0.99, 1.0].map(|share| ms(times.percentile(share)));
             json!({ "mean": ms(times.mean()), "p50": p50, "p95": p95, "p99": p99, "max": max })
         };
         let threads = |(threads, times): &(usize, Times)| json!({ "threads": threads, "fps": rounded(times.fps(), 2), "p50_ms": ms(times.percentile(0.5)) });
@@ -196,7 +252,10 @@ impl Report<'_> {
 /// What became of the speed over minutes.
 fn drift(windows: &[Window]) -> Option<String> {
     let (first, last) = (windows.first()?, windows.last()?);
-    let slowest = windows.iter().map(|window| window.median_ms).fold(0.0, f64::max);
+    let slowest = windows
+        .iter()
+        .map(|window| window.median_ms)
+        .fold(0.0, f64::max);
     Some(format!(
         "median {:.2} ms at the start, {:.2} ms after {:.1} min ({:+.1} %), {slowest:.2} ms in the slowest of {} windows",
         first.median_ms,
@@ -210,12 +269,16 @@ fn drift(windows: &[Window]) -> Option<String> {
 /// The algorithm of every convolution, layers of the same one on one line.
 fn algorithms(plan: &[LayerPlan]) -> String {
     let mut lines: Vec<(&str, Vec<&str>)> = Vec::new();
-    for (name, algorithm) in plan.iter().filter_map(|p| Some((p.layer.name.as_str(), p.algorithm?.name()))) {
+    for (name, algorithm) in plan
+        .iter()
+        .filter_map(|p| Some((p.layer.name.as_str(), p.algorithm?.name())))
+    {
         match lines.iter_mut().find(|(a, _)| *a == algorithm) {
             Some((_, layers)) => layers.push(name),
             None => lines.push((algorithm, vec![name])),
         }
     }
-    let line = |(algorithm, layers): &(&str, Vec<&str>)| format!("{algorithm}: {}", layers.join(", "));
+    let line =
+        |(algorithm, layers): &(&str, Vec<&str>)| format!("{algorithm}: {}", layers.join(", "));
     lines.iter().map(line).collect::<Vec<_>>().join("\n")
 }

@@ -19,7 +19,11 @@ pub struct Ages {
 impl Ages {
     /// None yet.
     pub fn new() -> Ages {
-        Ages { bins: vec![0; BINS], count: 0, oldest: Duration::ZERO }
+        Ages {
+            bins: vec![0; BINS],
+            count: 0,
+            oldest: Duration::ZERO,
+        }
     }
 
     /// One more box was reported for a frame of this age.
@@ -64,8 +68,14 @@ mod tests {
         let mut ages = Ages::new();
         assert_eq!((ages.percentile(0.5), ages.percentile(0.99)), (0.0, 0.0));
         (1..=100).for_each(|ms| ages.add(Duration::from_millis(ms)));
-        assert!((ages.percentile(0.5) - 50.5).abs() < 1e-9 && (ages.percentile(0.99) - 99.5).abs() < 1e-9);
-        assert!((ages.percentile(1.0) - 100.0).abs() < 1e-9, "no more than the oldest");
+        assert!(
+            (ages.percentile(0.5) - 50.5).abs() < 1e-9
+                && (ages.percentile(0.99) - 99.5).abs() < 1e-9
+        );
+        assert!(
+            (ages.percentile(1.0) - 100.0).abs() < 1e-9,
+            "no more than the oldest"
+        );
         ages.add(Duration::from_secs(3600));
         assert!(ages.percentile(0.5) <= 51.5 && ages.percentile(1.0) <= BINS as f64 * BIN_MS);
         assert!(ages.to_string().starts_with("101 boxes reported"), "{ages}");

@@ -81,7 +81,11 @@ impl ServeArgs {
     /// The headerless format, if there is one.
     pub fn raw_format(&self) -> Option<RawFormat> {
         let ((width, height), pixels) = self.raw.zip(self.pix)?;
-        Some(RawFormat { width, height, pixels })
+        Some(RawFormat {
+            width,
+            height,
+            pixels,
+        })
     }
 }
 

@@ -22,8 +22,16 @@ impl Engine {
             Mode::Flight => Conduct::Recover,
             Mode::Paper => Conduct::Tell,
         };
-        let options = FlightOptions { threads, cores, conduct, ..FlightOptions::new(&model) };
-        Ok(Engine { tracker: FlightTracker::new(model, options)?, mode })
+        let options = FlightOptions {
+            threads,
+            cores,
+            conduct,
+            ..FlightOptions::new(&model)
+        };
+        Ok(Engine {
+            tracker: FlightTracker::new(model, options)?,
+            mode,
+        })
     }
 
     /// Takes a target.
@@ -33,7 +41,14 @@ impl Engine {
     pub fn start(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<Tracked, TrackError> {
         self.tracker.init(frame, bbox)?;
         let state = State::Tracking;
-        Ok(Tracked { bbox, presence: Some(1.0), score: 1.0, state, searches: 0, candidates: Vec::new() })
+        Ok(Tracked {
+            bbox,
+            presence: Some(1.0),
+            score: 1.0,
+            state,
+            searches: 0,
+            candidates: Vec::new(),
+        })
     }
 
     /// Forgets the target.

@@ -47,9 +47,16 @@ impl Command {
                 Some(BBox::new(left, top, right - left, bottom - top))
             }
             Command::Point { x, y, radius } => {
-                let side =
-                    radius.filter(|r| *r > 0.0).map_or(POINT_SIDE * h, |r| 2.0 * r.min(0.5) * w).max(8.0);
-                Some(BBox::new(x * w - side / 2.0, y * h - side / 2.0, side, side))
+                let side = radius
+                    .filter(|r| *r > 0.0)
+                    .map_or(POINT_SIDE * h, |r| 2.0 * r.min(0.5) * w)
+                    .max(8.0);
+                Some(BBox::new(
+                    x * w - side / 2.0,
+                    y * h - side / 2.0,
+                    side,
+                    side,
+                ))
             }
             Command::Box(bbox) => Some(bbox),
             Command::Stop => None,
@@ -147,7 +154,9 @@ impl Hub {
     pub fn report_after(&self, seen: u64, patience: Duration) -> Published {
         let published = lock(&self.report);
         let waiting = |published: &mut Published| published.0 == seen && !self.is_stopping();
-        let waited = self.changed.wait_timeout_while(published, patience, waiting);
+        let waited = self
+            .changed
+            .wait_timeout_while(published, patience, waiting);
         waited.unwrap_or_else(PoisonError::into_inner).0.clone()
     }
 
@@ -171,8 +180,12 @@ impl Hub {
     /// One more watches, the video or only the reports, until the token is dropped.
     pub fn watch(self: &Arc<Hub>, video: bool) -> Viewer {
         self.streams.fetch_add(1, Ordering::Relaxed);
-        self.viewers.fetch_add(usize::from(video), Ordering::Relaxed);
-        Viewer { hub: Arc::clone(self), video }
+        self.viewers
+            .fetch_add(usize::from(video), Ordering::Relaxed);
+        Viewer {
+            hub: Arc::clone(self),
+            video,
+        }
     }
 }
 
@@ -186,7 +199,9 @@ pub struct Viewer {
 impl Drop for Viewer {
     fn drop(&mut self) {
         self.hub.streams.fetch_sub(1, Ordering::Relaxed);
-        self.hub.viewers.fetch_sub(usize::from(self.video), Ordering::Relaxed);
+        self.hub
+            .viewers
+            .fetch_sub(usize::from(self.video), Ordering::Relaxed);
     }
 }
 
@@ -204,8 +219,15 @@ mod tests {
         let data = vec![0; 200 * 100];
         let frame = Frame::new(&data, 200, 100, ChannelOrder::Gray).unwrap();
         let rectangle = Command::Rectangle([0.75, 0.5, 0.25, 0.1]);
-        assert_eq!(rectangle.bbox(&frame), Some(BBox::new(50.0, 10.0, 100.0, 40.0)));
-        let point = Command::Point { x: 0.5, y: 0.5, radius: Some(0.1) };
+        assert_eq!(
+            rectangle.bbox(&frame),
+            Some(BBox::new(50.0, 10.0, 100.0, 40.0))
+        );
+        let point = Command::Point {
+            x: 0.5,
+            y: 0.5,
+            radius: Some(0.1),
+        };
         assert_eq!(point.bbox(&frame), Some(BBox::new(80.0, 30.0, 40.0, 40.0)));
         assert_eq!(Command::Stop.bbox(&frame), None);
     }
@@ -217,7 +239,11 @@ mod tests {
             Command::Rectangle([f32::NAN, 0.0, 1.0, 1.0]),
             Command::Rectangle([0.5, 0.5, 0.5, 0.9]),
             Command::Rectangle([0.0, 0.0, 7.0, 1.0]),
-            Command::Point { x: 0.5, y: f32::INFINITY, radius: None },
+            Command::Point {
+                x: 0.5,
+                y: f32::INFINITY,
+                radius: None,
+            },
         ] {
             assert!(!hub.command(bad), "{bad:?}");
         }

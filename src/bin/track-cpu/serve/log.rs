@@ -58,7 +58,11 @@ impl Log {
         let (path, file) = create_new(path)?;
         eprintln!("log: {}", path.display());
         let saver = frames.map(Saver::start).transpose()?;
-        let mut log = Log { path, file: BufWriter::new(file), saver };
+        let mut log = Log {
+            path,
+            file: BufWriter::new(file),
+            saver,
+        };
         log.line(head)?;
         Ok(log)
     }
@@ -111,7 +115,9 @@ impl Log {
 /// Creates a file that was not there: `path`, or else with -1, -2 ... before its extension.
 fn create_new(path: &Path) -> Result<(PathBuf, File), Failure> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let extension = path.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
+    let extension = path
+        .extension()
+        .map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
     for number in 0..MAX_LOGS {
         let numbered = match number {
             0 => path.to_path_buf(),
@@ -123,7 +129,10 @@ fn create_new(path: &Path) -> Result<(PathBuf, File), Failure> {
             Err(error) => return Err(Failure::output(&numbered, error)),
         }
     }
-    Err(Failure::output(path, format!("{MAX_LOGS} logs of this name are there, expected fewer")))
+    Err(Failure::output(
+        path,
+        format!("{MAX_LOGS} logs of this name are there, expected fewer"),
+    ))
 }
 
 impl Saver {
@@ -158,13 +167,19 @@ pub fn frame_name(frame: u64) -> String {
 
 /// A box whose numbers read back to the same bits: every f32 is exactly a f64, and those are written in full.
 fn exact(bbox: &BBox) -> Value {
-    [bbox.x, bbox.y, bbox.w, bbox.h].map(f64::from).to_vec().into()
+    [bbox.x, bbox.y, bbox.w, bbox.h]
+        .map(f64::from)
+        .to_vec()
+        .into()
 }
 
 /// The box that [`exact`] wrote.
 pub fn read_box(value: &Value) -> Option<BBox> {
-    let numbers: Vec<f32> =
-        value.as_array()?.iter().map(|v| v.as_f64().map(|v| v as f32)).collect::<Option<_>>()?;
+    let numbers: Vec<f32> = value
+        .as_array()?
+        .iter()
+        .map(|v| v.as_f64().map(|v| v as f32))
+        .collect::<Option<_>>()?;
     match numbers[..] {
         [x, y, w, h] => Some(BBox::new(x, y, w, h)),
         _ => None,
@@ -211,7 +226,10 @@ mod tests {
     #[test]
     fn commands_read_back() {
         let bbox = BBox::new(1.5, 2.0, 3.0, 4.0);
-        assert_eq!(read_asked(&json!({ "start": exact(&bbox) })), Some(Asked::Start(bbox)));
+        assert_eq!(
+            read_asked(&json!({ "start": exact(&bbox) })),
+            Some(Asked::Start(bbox))
+        );
         assert_eq!(read_asked(&json!("stop")), Some(Asked::Stop));
         assert_eq!(read_asked(&json!(7)), None);
     }

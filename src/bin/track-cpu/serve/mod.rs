@@ -26,7 +26,10 @@ mod camera {
         _: Option<(usize, usize)>,
         _: &mut super::sources::Filler<'_>,
     ) -> Result<(), String> {
-        Err(format!("{}: cameras are read on Linux only: pipe the frames in (--input -)", path.display()))
+        Err(format!(
+            "{}: cameras are read on Linux only: pipe the frames in (--input -)",
+            path.display()
+        ))
     }
 }
 mod engine;
@@ -68,7 +71,12 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     let began = Instant::now();
     let model = args.engine.model(args.model.as_deref())?;
     let input = args.input.display().to_string();
-    let wrong = |reason: String| Failure::Input(SourceError::Format { input: input.clone(), reason });
+    let wrong = |reason: String| {
+        Failure::Input(SourceError::Format {
+            input: input.clone(),
+            reason,
+        })
+    };
     let feed = Feed::new(&args.input, args.raw_format(), args.raw).map_err(wrong)?;
     let head = json!({
         "log": "track-cpu",
@@ -84,13 +92,18 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         "online_filter": model.config().online_filter,
         "mode": args.mode.name(),
     });
-    let log =
-        args.log.as_deref().map(|path| Log::create(path, args.log_frames.as_deref(), &head)).transpose()?;
+    let log = args
+        .log
+        .as_deref()
+        .map(|path| Log::create(path, args.log_frames.as_deref(), &head))
+        .transpose()?;
     let engine = Engine::new(model, &args.engine, args.mode)?;
     let hub = Arc::new(Hub::new());
     let stopper = Arc::clone(&hub);
-    ctrlc::set_handler(move || stopper.stop())
-        .map_err(|error| Failure::Output { output: "signals".into(), reason: error.to_string() })?;
+    ctrlc::set_handler(move || stopper.stop()).map_err(|error| Failure::Output {
+        output: "signals".into(),
+        reason: error.to_string(),
+    })?;
     let mut threads = mavlink::start(&args.mavlink, &hub)?;
     threads.extend(http::start(&args.http, &hub)?);
     let slot = Arc::new(Slot::default());
@@ -121,7 +134,12 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         std::thread::sleep(Duration::from_millis(10));
     }
     threads.into_iter().for_each(|thread| drop(thread.join()));
-    eprintln!("{}; {} dropped for newer ones, {} too old", serving.ages, slot.dropped(), serving.late);
+    eprintln!(
+        "{}; {} dropped for newer ones, {} too old",
+        serving.ages,
+        slot.dropped(),
+        serving.late
+    );
     served
 }
 
@@ -186,7 +204,11 @@ impl Serving<'_> {
         }
         // What the frame's age has used of the deadline is gone.
         let left = self.args.deadline_ms.saturating_sub(shot.taken.elapsed());
-        let budget = if self.args.every_frame { self.args.deadline_ms } else { left };
+        let budget = if self.args.every_frame {
+            self.args.deadline_ms
+        } else {
+            left
+        };
         let track = fresh.or_else(|| self.engine.follow(&frame, Budget::Deadline(budget)));
         let age = shot.taken.elapsed();
         let report = Report {
@@ -225,7 +247,11 @@ struct Lines {
 impl Lines {
     fn new(print: bool, udp: Option<&str>) -> Result<Lines, Failure> {
         let connect = |address: &str| -> std::io::Result<UdpSocket> {
-            let any = if address.starts_with('[') { "[::]:0" } else { "0.0.0.0:0" };
+            let any = if address.starts_with('[') {
+                "[::]:0"
+            } else {
+                "0.0.0.0:0"
+            };
             let socket = UdpSocket::bind(any)?;
             socket.connect(address)?;
             socket.set_nonblocking(true)?;
@@ -235,7 +261,10 @@ impl Lines {
             output: format!("--udp {}", udp.unwrap_or_default()),
             reason: error.to_string(),
         };
-        Ok(Lines { print, socket: udp.map(connect).transpose().map_err(output)? })
+        Ok(Lines {
+            print,
+            socket: udp.map(connect).transpose().map_err(output)?,
+        })
     }
 
     fn write(&mut self, report: &Report) -> Result<(), Failure> {

@@ -24,17 +24,29 @@ const MAX_LINE: u64 = 1 << 16;
 /// Runs the sub-command.
 pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let mut lines = Lines::open(&args.log)?;
-    let head = lines.next()?.ok_or_else(|| lines.wrong("is empty, expected its first line"))?;
+    let head = lines
+        .next()?
+        .ok_or_else(|| lines.wrong("is empty, expected its first line"))?;
     if head["log"] != "track-cpu" || head["version"] != log::VERSION {
-        let found = format!("starts with log {}, version {}", head["log"], head["version"]);
-        return Err(lines.wrong(&format!("{found}, expected track-cpu, version {}", log::VERSION)));
+        let found = format!(
+            "starts with log {}, version {}",
+            head["log"], head["version"]
+        );
+        return Err(lines.wrong(&format!(
+            "{found}, expected track-cpu, version {}",
+            log::VERSION
+        )));
     }
     let text = |field: &str| head[field].as_str().map(str::to_string);
     let isa = text("isa").and_then(|name| Isa::from_name(&name).ok());
-    let isa = isa.ok_or_else(|| lines.wrong("was made with an instruction set that this machine has not"))?;
+    let isa = isa
+        .ok_or_else(|| lines.wrong("was made with an instruction set that this machine has not"))?;
     let mode = text("mode").and_then(|name| Mode::from_name(&name));
     let mode = mode.ok_or_else(|| lines.wrong("names no known mode"))?;
-    let path = args.model.clone().or_else(|| text("model").map(PathBuf::from));
+    let path = args
+        .model
+        .clone()
+        .or_else(|| text("model").map(PathBuf::from));
     let precision = text("precision").and_then(|name| Precision::from_name(&name));
     let precision = precision.ok_or_else(|| lines.wrong("names no known precision"))?;
     let engine_args = EngineArgs {
@@ -55,7 +67,8 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
 
     let (mut count, mut differing, mut first) = (0u64, 0u64, None);
     while let Some(line) = lines.next()? {
-        let logged = Logged::read(&line).ok_or_else(|| lines.wrong("holds a line that is none of a log"))?;
+        let logged =
+            Logged::read(&line).ok_or_else(|| lines.wrong("holds a line that is none of a log"))?;
         let image = frames.get(logged.frame, &lines)?;
         let found = again(&mut engine, &logged, &image);
         count += 1;
@@ -68,7 +81,9 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     print(&result.to_string())?;
     match differing {
         0 => Ok(()),
-        n => Err(Failure::SelfTest(format!("{n} of {count} boxes differ from the log"))),
+        n => Err(Failure::SelfTest(format!(
+            "{n} of {count} boxes differ from the log"
+        ))),
     }
 }
 
@@ -90,7 +105,9 @@ fn again(engine: &mut Engine, logged: &Logged, image: &Image) -> Option<BBox> {
         };
     }
     let budget = Budget::Searches(logged.searches);
-    fresh.or_else(|| engine.follow(&frame, budget)).map(|track| track.bbox)
+    fresh
+        .or_else(|| engine.follow(&frame, budget))
+        .map(|track| track.bbox)
 }
 
 /// One frame's line.
@@ -103,13 +120,24 @@ struct Logged {
 
 impl Logged {
     fn read(line: &Value) -> Option<Logged> {
-        let asked = line["asked"].as_array()?.iter().map(log::read_asked).collect::<Option<_>>()?;
+        let asked = line["asked"]
+            .as_array()?
+            .iter()
+            .map(log::read_asked)
+            .collect::<Option<_>>()?;
         let bbox = match &line["box"] {
             Value::Null => None,
             value => Some(log::read_box(value)?),
         };
-        let searches = line["searches"].as_u64().map_or(Some(0), |n| u32::try_from(n).ok())?;
-        Some(Logged { frame: line["frame"].as_u64()?, asked, searches, bbox })
+        let searches = line["searches"]
+            .as_u64()
+            .map_or(Some(0), |n| u32::try_from(n).ok())?;
+        Some(Logged {
+            frame: line["frame"].as_u64()?,
+            asked,
+            searches,
+            bbox,
+        })
     }
 }
 
@@ -127,7 +155,11 @@ impl Lines {
             log: path.display().to_string(),
             reason: error.to_string(),
         };
-        Ok(Lines { path: path.to_path_buf(), reader: BufReader::new(file.map_err(wrong)?), number: 0 })
+        Ok(Lines {
+            path: path.to_path_buf(),
+            reader: BufReader::new(file.map_err(wrong)?),
+            number: 0,
+        })
     }
 
     fn next(&mut self) -> Result<Option<Value>, Failure> {
@@ -140,15 +172,24 @@ impl Lines {
         }
         if !line.ends_with('\n') {
             // The flight may have ended while this line was written.
-            return if read as u64 == MAX_LINE { Err(self.wrong("is too long")) } else { Ok(None) };
+            return if read as u64 == MAX_LINE {
+                Err(self.wrong("is too long"))
+            } else {
+                Ok(None)
+            };
         }
         let value = serde_json::from_str(&line);
-        value.map(Some).map_err(|error| self.wrong(&format!("is no JSON: {error}")))
+        value
+            .map(Some)
+            .map_err(|error| self.wrong(&format!("is no JSON: {error}")))
     }
 
     fn wrong(&self, reason: &str) -> Failure {
         let log = format!("{} line {}", self.path.display(), self.number);
-        Failure::Log { log, reason: reason.to_string() }
+        Failure::Log {
+            log,
+            reason: reason.to_string(),
+        }
     }
 }
 
@@ -168,7 +209,10 @@ impl Frames {
             let config = parse_flight(flight).map_err(|reason| lines.wrong(&reason))?;
             return Ok(Frames::Rendered(Box::new(Flight::new(config))));
         }
-        Ok(Frames::Read { source: Box::new(Source::open(&Input::new(input))?), next: 0 })
+        Ok(Frames::Read {
+            source: Box::new(Source::open(&Input::new(input))?),
+            next: 0,
+        })
     }
 
     fn get(&mut self, index: u64, lines: &Lines) -> Result<Image, Failure> {
@@ -179,11 +223,24 @@ impl Frames {
                 Ok(source.next().ok_or_else(missing)??)
             }
             Frames::Rendered(flight) => {
-                let index = usize::try_from(index).ok().filter(|i| *i < flight.len()).ok_or_else(missing)?;
+                let index = usize::try_from(index)
+                    .ok()
+                    .filter(|i| *i < flight.len())
+                    .ok_or_else(missing)?;
                 let mut buffer = FrameBuffer::default();
                 flight.render(index, &mut buffer);
-                let FrameBuffer { width, height, data } = buffer;
-                Ok(Image { data, width, height, order: ChannelOrder::Rgb, name: None })
+                let FrameBuffer {
+                    width,
+                    height,
+                    data,
+                } = buffer;
+                Ok(Image {
+                    data,
+                    width,
+                    height,
+                    order: ChannelOrder::Rgb,
+                    name: None,
+                })
             }
             Frames::Read { source, next } => {
                 if index < *next {

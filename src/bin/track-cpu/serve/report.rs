@@ -47,7 +47,9 @@ pub struct Tracked {
 impl Report {
     /// Word for the state, `idle` while nothing is followed.
     pub fn state(&self) -> &'static str {
-        self.track.as_ref().map_or("idle", |track| track.state.name())
+        self.track
+            .as_ref()
+            .map_or("idle", |track| track.state.name())
     }
 
     /// One JSON object.
@@ -64,7 +66,9 @@ impl Report {
         });
         if let Some(track) = &self.track {
             value["box"] = numbers(&track.bbox);
-            value["presence"] = track.presence.map_or(Value::Null, |p| rounded(f64::from(p), 4));
+            value["presence"] = track
+                .presence
+                .map_or(Value::Null, |p| rounded(f64::from(p), 4));
             value["score"] = rounded(f64::from(track.score), 4);
             value["searches"] = track.searches.into();
             let others = track.candidates.iter().skip(1).take(3);
@@ -77,5 +81,8 @@ impl Report {
 }
 
 fn numbers(bbox: &BBox) -> Value {
-    [bbox.x, bbox.y, bbox.w, bbox.h].map(|v| rounded(f64::from(v), 2)).to_vec().into()
+    [bbox.x, bbox.y, bbox.w, bbox.h]
+        .map(|v| rounded(f64::from(v), 2))
+        .to_vec()
+        .into()
 }

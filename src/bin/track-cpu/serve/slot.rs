@@ -48,7 +48,10 @@ impl Slot {
     pub fn put(&self, shot: Shot, every: bool) -> bool {
         let mut content = self.lock();
         while every && content.shot.is_some() && !content.closed {
-            content = self.changed.wait(content).unwrap_or_else(PoisonError::into_inner);
+            content = self
+                .changed
+                .wait(content)
+                .unwrap_or_else(PoisonError::into_inner);
         }
         if let Some(old) = content.shot.replace(shot) {
             content.dropped += 1;
@@ -74,7 +77,11 @@ impl Slot {
             if left.is_zero() {
                 return Next::Nothing;
             }
-            content = self.changed.wait_timeout(content, left).unwrap_or_else(PoisonError::into_inner).0;
+            content = self
+                .changed
+                .wait_timeout(content, left)
+                .unwrap_or_else(PoisonError::into_inner)
+                .0;
         }
     }
 
@@ -127,8 +134,18 @@ mod tests {
     use track_cpu::ChannelOrder;
 
     fn shot(index: u64) -> Shot {
-        let image = Image { data: vec![0], width: 1, height: 1, order: ChannelOrder::Gray, name: None };
-        Shot { image, index, taken: Instant::now() }
+        let image = Image {
+            data: vec![0],
+            width: 1,
+            height: 1,
+            order: ChannelOrder::Gray,
+            name: None,
+        };
+        Shot {
+            image,
+            index,
+            taken: Instant::now(),
+        }
     }
 
     fn index(next: Next) -> Option<u64> {
@@ -151,7 +168,9 @@ mod tests {
         slot.put(shot(9), false);
         slot.end(Some("unplugged".into()));
         assert_eq!(index(slot.take(Duration::ZERO)), Some(9));
-        assert!(matches!(slot.take(Duration::ZERO), Next::Ended(Some(reason)) if reason == "unplugged"));
+        assert!(
+            matches!(slot.take(Duration::ZERO), Next::Ended(Some(reason)) if reason == "unplugged")
+        );
     }
 
     #[test]

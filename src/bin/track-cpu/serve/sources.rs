@@ -45,11 +45,19 @@ impl Feed {
         if text.starts_with("/dev/video") {
             return Ok(Feed::Camera(input.to_path_buf(), camera_size));
         }
-        let source = Input { raw, ..Input::new(input) };
-        if LIVE_SCHEMES.iter().chain(&["http://", "https://"]).any(|scheme| text.starts_with(scheme)) {
+        let source = Input {
+            raw,
+            ..Input::new(input)
+        };
+        if LIVE_SCHEMES
+            .iter()
+            .chain(&["http://", "https://"])
+            .any(|scheme| text.starts_with(scheme))
+        {
             return Ok(Feed::Stream(source));
         }
-        let piped = text == "-" || std::fs::metadata(input).is_ok_and(|m| !m.is_file() && !m.is_dir());
+        let piped =
+            text == "-" || std::fs::metadata(input).is_ok_and(|m| !m.is_file() && !m.is_dir());
         Ok(Feed::Once(source, !piped))
     }
 
@@ -61,7 +69,12 @@ impl Feed {
     /// Starts the thread.
     pub fn start(self, fps: f64, every: bool, slot: Arc<Slot>) -> JoinHandle<()> {
         std::thread::spawn(move || {
-            let mut filler = Filler { slot: &slot, index: 0, every, pace: None };
+            let mut filler = Filler {
+                slot: &slot,
+                index: 0,
+                every,
+                pace: None,
+            };
             let period = Duration::from_secs_f64(1.0 / fps);
             let ended = match &self {
                 Feed::Camera(path, size) => filler.again(|f| super::camera::run(path, *size, f)),
@@ -91,7 +104,10 @@ pub struct Filler<'a> {
 impl Filler<'_> {
     /// A picture whose buffer can be used.
     pub fn spare(&self) -> Vec<u8> {
-        self.slot.spare().map(|image| image.data).unwrap_or_default()
+        self.slot
+            .spare()
+            .map(|image| image.data)
+            .unwrap_or_default()
     }
 
     /// Hands a frame over; `false` if nobody wants frames any more.
@@ -99,7 +115,11 @@ impl Filler<'_> {
         if let Some(pace) = self.pace.as_mut().filter(|_| !self.every) {
             pace.wait();
         }
-        let shot = Shot { image, index: self.index, taken: Instant::now() };
+        let shot = Shot {
+            image,
+            index: self.index,
+            taken: Instant::now(),
+        };
         self.index += 1;
         self.slot.put(shot, self.every)
     }
@@ -134,7 +154,10 @@ struct Pace {
 
 impl Pace {
     fn new(period: Duration) -> Pace {
-        Pace { period, next: Instant::now() }
+        Pace {
+            period,
+            next: Instant::now(),
+        }
     }
 
     fn wait(&mut self) {
@@ -169,7 +192,13 @@ fn rendered(config: &FlightConfig, filler: &mut Filler<'_>) -> Result<(), String
         flight.render(index, &mut buffer);
         let FrameBuffer { width, height, .. } = buffer;
         let data = std::mem::take(&mut buffer.data);
-        if !filler.put(Image { data, width, height, order: ChannelOrder::Rgb, name: None }) {
+        if !filler.put(Image {
+            data,
+            width,
+            height,
+            order: ChannelOrder::Rgb,
+            name: None,
+        }) {
             break;
         }
     }
@@ -178,12 +207,18 @@ fn rendered(config: &FlightConfig, filler: &mut Filler<'_>) -> Result<(), String
 
 /// Reads `seed=3,difficulty=hard,size=640x360,frames=300`, each part optional.
 pub fn parse_flight(text: &str) -> Result<FlightConfig, String> {
-    let mut config = FlightConfig { frames: 18_000, ..FlightConfig::default() };
+    let mut config = FlightConfig {
+        frames: 18_000,
+        ..FlightConfig::default()
+    };
     for part in text.split(',').filter(|part| !part.is_empty()) {
         let (key, value) = part.split_once('=').unwrap_or((part, ""));
         let wrong = |expected: &str| format!("flight: {key} is {value:?}, expected {expected}");
         let number = |most: usize| {
-            let number = value.parse::<usize>().ok().filter(|n| (1..=most).contains(n));
+            let number = value
+                .parse::<usize>()
+                .ok()
+                .filter(|n| (1..=most).contains(n));
             number.ok_or_else(|| wrong(&format!("a whole number from 1 to {most}")))
         };
         match key {
@@ -198,12 +233,20 @@ pub fn parse_flight(text: &str) -> Result<FlightConfig, String> {
                 };
             }
             "size" => {
-                let sides = value.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-                let fits = |&(w, h): &(usize, usize)| (64..=8192).contains(&w) && (64..=8192).contains(&h);
-                (config.width, config.height) =
-                    sides.filter(fits).ok_or_else(|| wrong("WIDTHxHEIGHT, sides from 64 to 8192"))?;
+                let sides = value
+                    .split_once('x')
+                    .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+                let fits =
+                    |&(w, h): &(usize, usize)| (64..=8192).contains(&w) && (64..=8192).contains(&h);
+                (config.width, config.height) = sides
+                    .filter(fits)
+                    .ok_or_else(|| wrong("WIDTHxHEIGHT, sides from 64 to 8192"))?;
             }
-            _ => return Err(format!("flight: {key:?}, expected seed, difficulty, size or frames")),
+            _ => {
+                return Err(format!(
+                    "flight: {key:?}, expected seed, difficulty, size or frames"
+                ));
+            }
         }
     }
     Ok(config)
@@ -216,10 +259,20 @@ mod tests {
     #[test]
     fn flights_are_described_in_words() {
         let config = parse_flight("seed=3,difficulty=hard,size=320x180,frames=40").unwrap();
-        assert_eq!((config.seed, config.width, config.height, config.frames), (3, 320, 180, 40));
+        assert_eq!(
+            (config.seed, config.width, config.height, config.frames),
+            (3, 320, 180, 40)
+        );
         assert_eq!(config.difficulty, Difficulty::Hard);
         assert!(parse_flight("").is_ok());
-        for bad in ["seed=x", "size=1x1", "size=9", "frames=0", "color=red", "difficulty=mad"] {
+        for bad in [
+            "seed=x",
+            "size=1x1",
+            "size=9",
+            "frames=0",
+            "color=red",
+            "difficulty=mad",
+        ] {
             assert!(parse_flight(bad).is_err(), "{bad}");
         }
     }

@@ -66,7 +66,10 @@ mod tests {
     fn speaks_to_the_socket() {
         let path = std::env::temp_dir().join(format!("track-cpu-notify-{}", std::process::id()));
         let systemd = UnixDatagram::bind(&path).unwrap();
-        let mut watchdog = Watchdog { socket: connect(path.as_os_str()), next: Instant::now() };
+        let mut watchdog = Watchdog {
+            socket: connect(path.as_os_str()),
+            next: Instant::now(),
+        };
         watchdog.live();
         watchdog.live(); // too early
         watchdog.stopping();

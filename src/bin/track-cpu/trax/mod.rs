@@ -32,10 +32,17 @@ pub fn run(args: &TraxArgs) -> Result<(), Failure> {
 
 /// The client that waits at a port of this machine.
 fn connect(port: &str) -> Result<TcpStream, Failure> {
-    let number: u16 = port.trim().parse().map_err(|_| broken(port, "expected a port number"))?;
+    let number: u16 = port
+        .trim()
+        .parse()
+        .map_err(|_| broken(port, "expected a port number"))?;
     TcpStream::connect((Ipv4Addr::LOCALHOST, number)).map_err(|error| broken(port, error))
 }
 
 fn broken(port: &str, reason: impl ToString) -> Failure {
-    SourceError::Format { input: format!("TRAX_SOCKET={port:?}"), reason: reason.to_string() }.into()
+    SourceError::Format {
+        input: format!("TRAX_SOCKET={port:?}"),
+        reason: reason.to_string(),
+    }
+    .into()
 }

@@ -14,10 +14,17 @@ pub fn decode(text: &str) -> Result<Image, String> {
     match Picture::parse(text).map_err(|error| error.to_string())? {
         Picture::Path(path) => {
             let failure = |reason: String| format!("{}: {reason}", path.display());
-            read(&path).and_then(|bytes| decode_file(&bytes)).map_err(failure)
+            read(&path)
+                .and_then(|bytes| decode_file(&bytes))
+                .map_err(failure)
         }
         Picture::Encoded(bytes) => decode_file(&bytes).map_err(|reason| format!("image: {reason}")),
-        Picture::Memory { width, height, pixels, mut data } => {
+        Picture::Memory {
+            width,
+            height,
+            pixels,
+            mut data,
+        } => {
             let order = match pixels {
                 Pixels::Rgb => ChannelOrder::Rgb,
                 Pixels::Gray8 => ChannelOrder::Gray,
@@ -26,7 +33,13 @@ pub fn decode(text: &str) -> Result<Image, String> {
                     ChannelOrder::Gray
                 }
             };
-            Ok(Image { data, width, height, order, name: None })
+            Ok(Image {
+                data,
+                width,
+                height,
+                order,
+                name: None,
+            })
         }
     }
 }
@@ -39,16 +52,21 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     }
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(|error| error.to_string())?;
-    file.take(MAX_FRAME_BYTES + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    file.take(MAX_FRAME_BYTES + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| error.to_string())?;
     if bytes.len() as u64 > MAX_FRAME_BYTES {
-        return Err(format!("expected at most {MAX_FRAME_BYTES} bytes, found more"));
+        return Err(format!(
+            "expected at most {MAX_FRAME_BYTES} bytes, found more"
+        ));
     }
     Ok(bytes)
 }
 
 fn decode_file(bytes: &[u8]) -> Result<Image, String> {
-    let mut reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|error| error.to_string())?;
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|error| error.to_string())?;
     if reader.format().is_none() {
         return Err("expected a jpg, png, webp or bmp picture, found something else".into());
     }
@@ -66,5 +84,11 @@ fn decode_file(bytes: &[u8]) -> Result<Image, String> {
         | DynamicImage::ImageLumaA16(_) => (picture.into_luma8().into_raw(), ChannelOrder::Gray),
         _ => (picture.into_rgb8().into_raw(), ChannelOrder::Rgb),
     };
-    Ok(Image { data, width, height, order, name: None })
+    Ok(Image {
+        data,
+        width,
+        height,
+        order,
+        name: None,
+    })
 }

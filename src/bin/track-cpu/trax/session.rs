@@ -37,7 +37,14 @@ enum Next {
 impl<W: Write> Session<W> {
     /// A session that has not begun.
     pub fn new(model: Model, options: TrackerOptions, version: u32, out: W) -> Session<W> {
-        Session { model, options, version, out, objects: Vec::new(), spare: Vec::new() }
+        Session {
+            model,
+            options,
+            version,
+            out,
+            objects: Vec::new(),
+            spare: Vec::new(),
+        }
     }
 
     /// Says hello and answers messages until the client quits or goes.
@@ -61,7 +68,11 @@ impl<W: Write> Session<W> {
                     // One line: a client may read our standard error too, and messages start lines.
                     let reason = reason.replace(char::is_control, " ").trim_end().to_string();
                     self.send(&[Message::new(Kind::Quit).property("trax.reason", &reason)])?;
-                    return Err(SourceError::Format { input: "TraX client".into(), reason }.into());
+                    return Err(SourceError::Format {
+                        input: "TraX client".into(),
+                        reason,
+                    }
+                    .into());
                 }
             }
         }
@@ -76,7 +87,9 @@ impl<W: Write> Session<W> {
         match self.version {
             1 => hello.property("trax.identifier", "track-cpu"),
             3 => hello.property("trax.channels", "color"),
-            _ => hello.property("trax.channels", "color").property("trax.multiobject", "1"),
+            _ => hello
+                .property("trax.channels", "color")
+                .property("trax.multiobject", "1"),
         }
     }
 
@@ -123,17 +136,25 @@ impl<W: Write> Session<W> {
     }
 
     fn forget(&mut self) {
-        self.spare.extend(self.objects.drain(..).map(|object| object.tracker));
+        self.spare
+            .extend(self.objects.drain(..).map(|object| object.tracker));
     }
 
     fn add(&mut self, region: &str) -> Result<(), String> {
         if self.objects.len() >= MAX_OBJECTS {
-            return Err(format!("initialize: expected at most {MAX_OBJECTS} objects, found more"));
+            return Err(format!(
+                "initialize: expected at most {MAX_OBJECTS} objects, found more"
+            ));
         }
-        let given = Region::parse(region).map_err(|error| error.to_string())?.rectangle();
+        let given = Region::parse(region)
+            .map_err(|error| error.to_string())?
+            .rectangle();
         let make = || Tracker::with_options(self.model.clone(), self.options);
         let tracker = self.spare.pop().unwrap_or_else(make);
-        self.objects.push(Object { tracker, given: Some(given) });
+        self.objects.push(Object {
+            tracker,
+            given: Some(given),
+        });
         Ok(())
     }
 
@@ -142,13 +163,22 @@ impl<W: Write> Session<W> {
         let image: Image = picture::decode(image)?;
         let frame = Frame::new(&image.data, image.width, image.height, image.order)
             .map_err(|error| format!("image: {error}"))?;
-        self.objects.iter_mut().map(|object| object.state(&frame)).collect()
+        self.objects
+            .iter_mut()
+            .map(|object| object.state(&frame))
+            .collect()
     }
 
     /// Writes messages whole and at once: a client reads them as they come.
     fn send(&mut self, messages: &[Message]) -> Result<(), Failure> {
-        let text: String = messages.iter().map(|message| format!("{message}\n")).collect();
-        let sent = self.out.write_all(text.as_bytes()).and_then(|()| self.out.flush());
+        let text: String = messages
+            .iter()
+            .map(|message| format!("{message}\n"))
+            .collect();
+        let sent = self
+            .out
+            .write_all(text.as_bytes())
+            .and_then(|()| self.out.flush());
         sent.map_err(|error| Failure::stdout(&error))
     }
 }
@@ -159,13 +189,21 @@ impl Object {
             Some(given) => {
                 let Rectangle { x, y, w, h } = given;
                 let bbox = BBox::new(x as f32, y as f32, w as f32, h as f32);
-                self.tracker.init(frame, bbox).map_err(|error| format!("region: {error}"))?;
+                self.tracker
+                    .init(frame, bbox)
+                    .map_err(|error| format!("region: {error}"))?;
                 (given, 1.0)
             }
             None => {
-                let track = self.tracker.update(frame).map_err(|error| error.to_string())?;
+                let track = self
+                    .tracker
+                    .update(frame)
+                    .map_err(|error| error.to_string())?;
                 let BBox { x, y, w, h } = track.bbox;
-                (Rectangle::new(x.into(), y.into(), w.into(), h.into()), track.score)
+                (
+                    Rectangle::new(x.into(), y.into(), w.into(), h.into()),
+                    track.score,
+                )
             }
         };
         let state = Message::new(Kind::State).argument(found.to_string());

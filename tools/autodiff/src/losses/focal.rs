@@ -20,7 +20,10 @@ pub struct Focal {
 
 impl Default for Focal {
     fn default() -> Focal {
-        Focal { alpha: 0.25, gamma: 2.0 }
+        Focal {
+            alpha: 0.25,
+            gamma: 2.0,
+        }
     }
 }
 
@@ -28,7 +31,11 @@ impl Focal {
     /// Loss and gradient of one point of label 1 or 0.
     fn point(&self, x: f32, one: bool) -> (f64, f64) {
         let (alpha, gamma) = (f64::from(self.alpha), f64::from(self.gamma));
-        let (sign, weight) = if one { (1.0, alpha) } else { (-1.0, 1.0 - alpha) };
+        let (sign, weight) = if one {
+            (1.0, alpha)
+        } else {
+            (-1.0, 1.0 - alpha)
+        };
         let x = sign * f64::from(x);
         let log_p = -((-x).max(0.0) + (-x.abs()).exp().ln_1p()); // of the label's probability
         let (p, rest) = (log_p.exp(), -log_p.exp_m1());
@@ -47,7 +54,11 @@ impl Tape<'_> {
         let scale = one_over(labels.data().iter().filter(|label| **label == 1.0).count());
         let mut gradient = Tensor::zeros(x.shape());
         let mut loss = 0.0;
-        let points = gradient.data_mut().iter_mut().zip(x.data()).zip(labels.data());
+        let points = gradient
+            .data_mut()
+            .iter_mut()
+            .zip(x.data())
+            .zip(labels.data());
         for ((gradient, x), label) in points.filter(|(_, label)| **label != -1.0) {
             let (point, slope) = focal.point(*x, *label == 1.0);
             loss += scale * point;
@@ -65,9 +76,12 @@ mod tests {
 
     #[test]
     fn golden_values() {
-        for (x, label, loss) in
-            [(0.0, 1.0, 0.0433217), (0.0, 0.0, 0.1299651), (2.0, 1.0, 0.000450891), (2.0, 0.0, 1.2375586)]
-        {
+        for (x, label, loss) in [
+            (0.0, 1.0, 0.0433217),
+            (0.0, 0.0, 0.1299651),
+            (2.0, 1.0, 0.000450891),
+            (2.0, 0.0, 1.2375586),
+        ] {
             let (found, _) = value_and_gradients(&[Tensor::scalar(x)], |tape, v| {
                 tape.focal_loss(v[0], &Tensor::scalar(label), Focal::default())
             });
@@ -88,7 +102,9 @@ mod tests {
         let labels = Tensor::new(&[8], vec![1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 1.0, -1.0]);
         for gamma in [0.5, 2.0] {
             let focal = Focal { alpha: 0.3, gamma };
-            check(&[x.clone()], 0.05, 1e-4, |tape, v| tape.focal_loss(v[0], &labels, focal));
+            check(&[x.clone()], 0.05, 1e-4, |tape, v| {
+                tape.focal_loss(v[0], &labels, focal)
+            });
         }
     }
 
@@ -96,8 +112,9 @@ mod tests {
     fn finite_without_ones_and_far_out() {
         let x = Tensor::new(&[3], vec![-300.0, 300.0, 0.0]);
         let labels = Tensor::new(&[3], vec![0.0, 0.0, -1.0]);
-        let (loss, gradients) =
-            value_and_gradients(&[x], |tape, v| tape.focal_loss(v[0], &labels, Focal::default()));
+        let (loss, gradients) = value_and_gradients(&[x], |tape, v| {
+            tape.focal_loss(v[0], &labels, Focal::default())
+        });
         assert_near(&[loss], &[225.0], 1e-3);
         assert_near(&gradients[0], &[0.0, 0.75, 0.0], 1e-6);
     }

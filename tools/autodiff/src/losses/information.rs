@@ -16,8 +16,16 @@ impl Tape<'_> {
             let t = self.value(scores);
             let n = t.data().len();
             assert!(n > 0, "information from no scores");
-            estimate -= t.data().iter().map(|t| f64::from(softplus(sign * t))).sum::<f64>() / n as f64;
-            let slopes = t.data().iter().map(|t| -sign * sigmoid(sign * t) / n as f32);
+            estimate -= t
+                .data()
+                .iter()
+                .map(|t| f64::from(softplus(sign * t)))
+                .sum::<f64>()
+                / n as f64;
+            let slopes = t
+                .data()
+                .iter()
+                .map(|t| -sign * sigmoid(sign * t) / n as f32);
             gradients.push((scores, Tensor::new(t.shape(), slopes.collect())));
         }
         self.record_loss(estimate, gradients)

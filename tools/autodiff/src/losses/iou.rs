@@ -29,14 +29,22 @@ impl BoxDecoder {
     /// Stride 8 from `first` on; no limit on the exponent and the smallest normal number as that on the IoU, as the
     /// reference implementation has it.
     pub fn new(first: f32) -> BoxDecoder {
-        BoxDecoder { first, stride: 8.0, max_exponent: f32::INFINITY, min_iou: f32::MIN_POSITIVE }
+        BoxDecoder {
+            first,
+            stride: 8.0,
+            max_exponent: f32::INFINITY,
+            min_iou: f32::MIN_POSITIVE,
+        }
     }
 
     /// The distances at one point, and whether each depends on its offset.
     fn distances(&self, offsets: &[f32], si: f32, bi: f32) -> ([f64; 4], [bool; 4]) {
         let exponents = [0, 1, 2, 3].map(|i| f64::from(si) * f64::from(offsets[i]) + f64::from(bi));
         let max = f64::from(self.max_exponent);
-        (exponents.map(|e| f64::from(self.stride) * e.min(max).exp()), exponents.map(|e| e <= max))
+        (
+            exponents.map(|e| f64::from(self.stride) * e.min(max).exp()),
+            exponents.map(|e| e <= max),
+        )
     }
 
     /// The point of cell `i` of a map that is `width` wide.
@@ -65,7 +73,10 @@ fn minus_log_iou([px, py]: [f64; 2], e: [f64; 4], truth: [f64; 4]) -> Option<(f6
     // How far the truth reaches from the point, in the four directions.
     let reach = [px - truth[0], py - truth[1], truth[2] - px, truth[3] - py];
     let inner = [0, 1, 2, 3].map(|i| e[i].min(reach[i]));
-    let (iw, ih) = ((inner[0] + inner[2] + 1.0).max(0.0), (inner[1] + inner[3] + 1.0).max(0.0));
+    let (iw, ih) = (
+        (inner[0] + inner[2] + 1.0).max(0.0),
+        (inner[1] + inner[3] + 1.0).max(0.0),
+    );
     let intersection = iw * ih;
     let union = w * h + (reach[0] + reach[2] + 1.0) * (reach[1] + reach[3] + 1.0) - intersection;
     if !(intersection > 0.0 && union.is_finite()) {
@@ -95,15 +106,28 @@ impl Tape<'_> {
     ) -> Var {
         let maps = self.value(offsets).maps("iou_loss");
         assert_eq!(maps.channels, 4, "iou_loss: four offsets per cell");
-        assert_eq!(boxes.data().len(), maps.batch * maps.image(), "iou_loss: boxes");
-        assert_eq!(4 * labels.data().len(), boxes.data().len(), "iou_loss: labels");
+        assert_eq!(
+            boxes.data().len(),
+            maps.batch * maps.image(),
+            "iou_loss: boxes"
+        );
+        assert_eq!(
+            4 * labels.data().len(),
+            boxes.data().len(),
+            "iou_loss: labels"
+        );
         let (scale_var, shift_var) = (si, bi);
         let (si, bi) = (self.value(si).item(), self.value(bi).item());
         let share = one_over(labels.data().iter().filter(|label| **label == 1.0).count());
         let o = self.value(offsets);
         let mut to_offsets = Tensor::zeros(o.shape());
         let (mut loss, mut to_si, mut to_bi) = (0.0, 0.0, 0.0);
-        for (i, _) in labels.data().iter().enumerate().filter(|(_, label)| **label == 1.0) {
+        for (i, _) in labels
+            .data()
+            .iter()
+            .enumerate()
+            .filter(|(_, label)| **label == 1.0)
+        {
             let o = &o.data()[4 * i..][..4];
             let truth = [0, 1, 2, 3].map(|n| f64::from(boxes.data()[4 * i + n]));
             let (distances, free) = decoder.distances(o, si, bi);
@@ -124,7 +148,14 @@ impl Tape<'_> {
         }
         let like = |var, value: f64| Tensor::full(self.shape(var), value as f32);
         let (to_si, to_bi) = (like(scale_var, to_si), like(shift_var, to_bi));
-        self.record_loss(loss, vec![(offsets, to_offsets), (scale_var, to_si), (shift_var, to_bi)])
+        self.record_loss(
+            loss,
+            vec![
+                (offsets, to_offsets),
+                (scale_var, to_si),
+                (shift_var, to_bi),
+            ],
+        )
     }
 }
 
@@ -138,49 +169,81 @@ mod tests {
     fn golden_values() {
         // The point (31, 30), as row 0, column 0 of a map whose first point is at 31; the truth moved along in y.
         let decoder = BoxDecoder::new(31.0);
-        let inputs =
-            [Tensor::new(&[1, 1, 1, 4], vec![0.8, 0.4, 0.9, 0.7]), Tensor::scalar(1.1), Tensor::scalar(0.05)];
+        let inputs = [
+            Tensor::new(&[1, 1, 1, 4], vec![0.8, 0.4, 0.9, 0.7]),
+            Tensor::scalar(1.1),
+            Tensor::scalar(0.05),
+        ];
         let truth = Tensor::new(&[4], vec![10.0, 21.0, 50.0, 61.0]);
         let (loss, gradients) = value_and_gradients(&inputs, |tape, v| {
             tape.iou_loss(v[0], v[1], v[2], &Tensor::scalar(1.0), &truth, decoder)
         });
         assert_near(&[loss], &[0.4920510], 1e-6);
-        assert_near(&gradients[0], &[-0.5182641, 0.3282912, 0.4175604, -0.6473157], 1e-6);
-        assert_near(&[gradients[1][0], gradients[2][0]], &[-0.3278286, -0.3815711], 1e-6);
+        assert_near(
+            &gradients[0],
+            &[-0.5182641, 0.3282912, 0.4175604, -0.6473157],
+            1e-6,
+        );
+        assert_near(
+            &[gradients[1][0], gradients[2][0]],
+            &[-0.3278286, -0.3815711],
+            1e-6,
+        );
     }
 
     #[test]
     fn half_is_ln_2() {
-        let (iou, _) = minus_log_iou([5.0, 5.0], [5.0, 5.0, 4.0, 4.0], [0.0, 0.0, 9.0, 4.0]).unwrap();
+        let (iou, _) =
+            minus_log_iou([5.0, 5.0], [5.0, 5.0, 4.0, 4.0], [0.0, 0.0, 9.0, 4.0]).unwrap();
         assert!((iou - 0.5).abs() < 1e-12);
     }
 
     #[test]
     fn gradients() {
-        let mut inputs = vec![noise(&[2, 2, 3, 4], 1), Tensor::scalar(1.1), Tensor::scalar(0.05)];
+        let mut inputs = vec![
+            noise(&[2, 2, 3, 4], 1),
+            Tensor::scalar(1.1),
+            Tensor::scalar(0.05),
+        ];
         inputs[0].data_mut().iter_mut().for_each(|v| *v *= 0.8);
         let labels = Tensor::new(&[12], [1.0, 0.0, 1.0, -1.0, 1.0, 1.0].repeat(2));
         let boxes = Tensor::new(&[12, 4], [3.0, 2.5, 28.0, 21.0].repeat(12));
         let decoder = BoxDecoder::new(8.0);
-        check(&inputs, 0.004, 2e-3, |tape, v| tape.iou_loss(v[0], v[1], v[2], &labels, &boxes, decoder));
+        check(&inputs, 0.004, 2e-3, |tape, v| {
+            tape.iou_loss(v[0], v[1], v[2], &labels, &boxes, decoder)
+        });
     }
 
     #[test]
     fn limits_hold_and_stay_finite() {
-        let offsets = Tensor::new(&[1, 1, 4, 4], [[200.0; 4], [0.0; 4], [f32::NAN; 4], [7.0; 4]].concat());
+        let offsets = Tensor::new(
+            &[1, 1, 4, 4],
+            [[200.0; 4], [0.0; 4], [f32::NAN; 4], [7.0; 4]].concat(),
+        );
         let inputs = [offsets, Tensor::scalar(1.0), Tensor::scalar(0.0)];
         let far = [1000.0, 1000.0, 1010.0, 1010.0];
-        let boxes = Tensor::new(&[4, 4], [[0.0, 0.0, 9.0, 9.0], far, far, [0.0, 0.0, 20.0, 20.0]].concat());
+        let boxes = Tensor::new(
+            &[4, 4],
+            [[0.0, 0.0, 9.0, 9.0], far, far, [0.0, 0.0, 20.0, 20.0]].concat(),
+        );
         let labels = Tensor::full(&[4], 1.0);
         let run = |decoder| {
-            value_and_gradients(&inputs, |tape, v| tape.iou_loss(v[0], v[1], v[2], &labels, &boxes, decoder))
+            value_and_gradients(&inputs, |tape, v| {
+                tape.iou_loss(v[0], v[1], v[2], &labels, &boxes, decoder)
+            })
         };
-        let (loss, gradients) = run(BoxDecoder { min_iou: 1e-6, ..BoxDecoder::new(5.0) });
+        let (loss, gradients) = run(BoxDecoder {
+            min_iou: 1e-6,
+            ..BoxDecoder::new(5.0)
+        });
         assert!(loss.is_finite() && loss <= -(1e-6f32.ln()));
         assert!(gradients.iter().flatten().all(|g| g.is_finite()));
         assert_eq!(gradients[0][..12], [0.0; 12]);
         assert!(gradients[0][12] > 0.0);
-        let (_, limited) = run(BoxDecoder { max_exponent: 6.0, ..BoxDecoder::new(5.0) });
+        let (_, limited) = run(BoxDecoder {
+            max_exponent: 6.0,
+            ..BoxDecoder::new(5.0)
+        });
         assert_eq!(limited[0], [0.0; 16]);
     }
 }

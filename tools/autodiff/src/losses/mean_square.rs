@@ -11,7 +11,11 @@ impl Tape<'_> {
     pub fn mean_square(&mut self, a: Var, b: Var, keep: &[bool]) -> Var {
         let (x, y) = (self.value(a), self.value(b));
         assert_eq!(x.shape(), y.shape(), "mean_square");
-        assert_eq!(x.shape().first(), Some(&keep.len()), "mean_square: items to keep");
+        assert_eq!(
+            x.shape().first(),
+            Some(&keep.len()),
+            "mean_square: items to keep"
+        );
         let item = x.data().len() / keep.len().max(1);
         let scale = one_over(item * keep.iter().filter(|keep| **keep).count());
         let mut slopes = [Tensor::zeros(x.shape()), Tensor::zeros(x.shape())];
@@ -35,14 +39,17 @@ mod tests {
     #[test]
     fn gradients() {
         let inputs = [noise(&[3, 2, 2], 1), noise(&[3, 2, 2], 2)];
-        check(&inputs, 0.1, 1e-4, |tape, v| tape.mean_square(v[0], v[1], &[true, false, true]));
+        check(&inputs, 0.1, 1e-4, |tape, v| {
+            tape.mean_square(v[0], v[1], &[true, false, true])
+        });
     }
 
     #[test]
     fn nothing_kept_is_nothing_lost() {
         let inputs = [noise(&[2, 3], 1), noise(&[2, 3], 2)];
-        let (loss, gradients) =
-            value_and_gradients(&inputs, |tape, v| tape.mean_square(v[0], v[1], &[false, false]));
+        let (loss, gradients) = value_and_gradients(&inputs, |tape, v| {
+            tape.mean_square(v[0], v[1], &[false, false])
+        });
         assert_eq!((loss, gradients), (0.0, vec![vec![0.0; 6]; 2]));
     }
 }

@@ -58,18 +58,29 @@ mod testing {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
-        let vars: Vec<Var> = inputs.iter().map(|input| tape.input(input.clone())).collect();
+        let vars: Vec<Var> = inputs
+            .iter()
+            .map(|input| tape.input(input.clone()))
+            .collect();
         let loss = loss(&mut tape, &vars);
         let value = tape.value(loss).item();
         let gradients = tape.backward(loss);
-        (value, vars.iter().map(|var| gradients.get(*var).unwrap().data().to_vec()).collect())
+        (
+            value,
+            vars.iter()
+                .map(|var| gradients.get(*var).unwrap().data().to_vec())
+                .collect(),
+        )
     }
 
     /// Asserts that all values are within `tolerance` of the expected ones.
     pub fn assert_near(found: &[f32], expected: &[f64], tolerance: f64) {
         assert_eq!(found.len(), expected.len());
         for (found, expected) in found.iter().zip(expected) {
-            assert!((f64::from(*found) - expected).abs() <= tolerance, "found {found}, expected {expected}");
+            assert!(
+                (f64::from(*found) - expected).abs() <= tolerance,
+                "found {found}, expected {expected}"
+            );
         }
     }
 }

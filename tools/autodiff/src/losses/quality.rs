@@ -18,11 +18,25 @@ impl Tape<'_> {
     /// Panics if there are not as many targets as logits.
     pub fn quality_loss(&mut self, logits: Var, targets: &Tensor) -> Var {
         let x = self.value(logits);
-        assert_eq!(x.data().len(), targets.data().len(), "quality_loss: targets");
-        let scale = one_over(targets.data().iter().filter(|target| **target != 0.0).count());
+        assert_eq!(
+            x.data().len(),
+            targets.data().len(),
+            "quality_loss: targets"
+        );
+        let scale = one_over(
+            targets
+                .data()
+                .iter()
+                .filter(|target| **target != 0.0)
+                .count(),
+        );
         let mut gradient = Tensor::zeros(x.shape());
         let mut loss = 0.0;
-        let points = gradient.data_mut().iter_mut().zip(x.data()).zip(targets.data());
+        let points = gradient
+            .data_mut()
+            .iter_mut()
+            .zip(x.data())
+            .zip(targets.data());
         for ((gradient, x), target) in points.filter(|(_, target)| **target != 0.0) {
             let (x, t) = (f64::from(*x), f64::from(*target));
             loss += scale * (f64::from(softplus(x as f32)) - x * t - entropy(t));
@@ -40,7 +54,11 @@ mod tests {
 
     #[test]
     fn golden_values() {
-        for (x, target, loss) in [(0.0, 0.7, 0.0822829), (0.5, 0.7, 0.0132127), (0.0, 0.5, 0.0)] {
+        for (x, target, loss) in [
+            (0.0, 0.7, 0.0822829),
+            (0.5, 0.7, 0.0132127),
+            (0.0, 0.5, 0.0),
+        ] {
             let (found, _) = value_and_gradients(&[Tensor::scalar(x)], |tape, v| {
                 tape.quality_loss(v[0], &Tensor::scalar(target))
             });
@@ -51,9 +69,12 @@ mod tests {
     #[test]
     fn gradients() {
         let targets = Tensor::new(&[6], vec![0.5, 0.0, 1.0, 0.01, 0.99, 0.0]);
-        check(&[noise(&[6], 1)], 0.1, 1e-4, |tape, v| tape.quality_loss(v[0], &targets));
-        let (loss, gradients) =
-            value_and_gradients(&[noise(&[2], 1)], |tape, v| tape.quality_loss(v[0], &Tensor::zeros(&[2])));
+        check(&[noise(&[6], 1)], 0.1, 1e-4, |tape, v| {
+            tape.quality_loss(v[0], &targets)
+        });
+        let (loss, gradients) = value_and_gradients(&[noise(&[2], 1)], |tape, v| {
+            tape.quality_loss(v[0], &Tensor::zeros(&[2]))
+        });
         assert_eq!((loss, &gradients[0][..]), (0.0, &[0.0, 0.0][..]));
     }
 }

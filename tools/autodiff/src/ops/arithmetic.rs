@@ -20,14 +20,25 @@ impl Tape<'_> {
         assert_eq!(self.shape(a), self.shape(b), "add");
         let mut out = self.compute.tensor(self.shape(a));
         let inputs = (self.value(a).data(), self.value(b).data());
-        update3(self.compute, out.data_mut(), inputs.0, inputs.1, |y, a, b| *y = a + b);
+        update3(
+            self.compute,
+            out.data_mut(),
+            inputs.0,
+            inputs.1,
+            |y, a, b| *y = a + b,
+        );
         self.record(out, &[a, b], Add { a, b })
     }
 
     /// `factor x`.
     pub fn scale(&mut self, x: Var, factor: f32) -> Var {
         let mut out = self.compute.tensor(self.shape(x));
-        update2(self.compute, out.data_mut(), self.value(x).data(), |y, x| *y = factor * x);
+        update2(
+            self.compute,
+            out.data_mut(),
+            self.value(x).data(),
+            |y, x| *y = factor * x,
+        );
         self.record(out, &[x], Scale { x, factor })
     }
 }
@@ -40,7 +51,11 @@ impl Operation for Add {
             tape.add_gradient(self.a, copy);
             tape.add_gradient(self.b, gradient);
         } else {
-            let only = if tape.needs_gradient(self.a) { self.a } else { self.b };
+            let only = if tape.needs_gradient(self.a) {
+                self.a
+            } else {
+                self.b
+            };
             tape.add_gradient(only, gradient);
         }
     }

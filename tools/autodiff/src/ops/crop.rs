@@ -19,12 +19,19 @@ impl Tape<'_> {
     pub fn crop(&mut self, x: Var, (top, left): (usize, usize), size: Size) -> Var {
         let maps = self.value(x).maps("crop");
         let inside = top + size.h <= maps.size.h && left + size.w <= maps.size.w && size.area() > 0;
-        assert!(inside, "crop of {size:?} at ({top}, {left}) of maps {maps:?}");
-        let mut out = self.compute.tensor(&[maps.batch, size.h, size.w, maps.channels]);
+        assert!(
+            inside,
+            "crop of {size:?} at ({top}, {left}) of maps {maps:?}"
+        );
+        let mut out = self
+            .compute
+            .tensor(&[maps.batch, size.h, size.w, maps.channels]);
         let row = size.w * maps.channels;
         for (i, out) in out.data_mut().chunks_exact_mut(row).enumerate() {
             let y = i / size.h * maps.size.h + top + i % size.h;
-            out.copy_from_slice(&self.value(x).data()[(y * maps.size.w + left) * maps.channels..][..row]);
+            out.copy_from_slice(
+                &self.value(x).data()[(y * maps.size.w + left) * maps.channels..][..row],
+            );
         }
         self.record(out, &[x], Crop { x, top, left })
     }
@@ -53,7 +60,11 @@ mod tests {
     #[test]
     fn gradients() {
         let x = noise(&[2, 4, 5, 3], 1);
-        check(std::slice::from_ref(&x), 0.25, 1e-5, |tape, v| tape.crop(v[0], (1, 2), Size { h: 2, w: 3 }));
-        check(&[x], 0.25, 1e-5, |tape, v| tape.crop(v[0], (0, 0), Size { h: 4, w: 5 }));
+        check(std::slice::from_ref(&x), 0.25, 1e-5, |tape, v| {
+            tape.crop(v[0], (1, 2), Size { h: 2, w: 3 })
+        });
+        check(&[x], 0.25, 1e-5, |tape, v| {
+            tape.crop(v[0], (0, 0), Size { h: 4, w: 5 })
+        });
     }
 }

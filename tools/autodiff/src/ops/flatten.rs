@@ -16,7 +16,11 @@ impl Tape<'_> {
         let mut out = self.compute.tensor(&[maps.batch, maps.image()]);
         let input = self.value(x).data();
         self.compute.each(out.data_mut(), maps.image(), |i, out| {
-            transpose(&input[i * maps.image()..][..maps.image()], maps.channels, out);
+            transpose(
+                &input[i * maps.image()..][..maps.image()],
+                maps.channels,
+                out,
+            );
         });
         self.record(out, &[x], Flatten { x })
     }
@@ -25,7 +29,9 @@ impl Tape<'_> {
 /// `from` (`[.., columns]`) with rows and columns exchanged.
 fn transpose(from: &[f32], columns: usize, to: &mut [f32]) {
     for (column, to) in to.chunks_exact_mut(from.len() / columns).enumerate() {
-        to.iter_mut().zip(from[column..].iter().step_by(columns)).for_each(|(to, from)| *to = *from);
+        to.iter_mut()
+            .zip(from[column..].iter().step_by(columns))
+            .for_each(|(to, from)| *to = *from);
     }
 }
 
@@ -33,9 +39,14 @@ impl Operation for Flatten {
     fn backward(&self, tape: &mut Tape, _: &Tensor, gradient: Tensor) {
         let maps = tape.value(self.x).maps("flatten");
         let mut share = tape.compute.tensor(&maps.shape());
-        tape.compute.each(share.data_mut(), maps.image(), |i, share| {
-            transpose(&gradient.data()[i * maps.image()..][..maps.image()], maps.size.area(), share);
-        });
+        tape.compute
+            .each(share.data_mut(), maps.image(), |i, share| {
+                transpose(
+                    &gradient.data()[i * maps.image()..][..maps.image()],
+                    maps.size.area(),
+                    share,
+                );
+            });
         tape.add_gradient(self.x, share);
         tape.compute.recycle(gradient);
     }
@@ -48,7 +59,9 @@ mod tests {
 
     #[test]
     fn gradients() {
-        check(&[noise(&[2, 3, 4, 5], 1)], 0.25, 1e-5, |tape, v| tape.flatten(v[0]));
+        check(&[noise(&[2, 3, 4, 5], 1)], 0.25, 1e-5, |tape, v| {
+            tape.flatten(v[0])
+        });
     }
 
     #[test]

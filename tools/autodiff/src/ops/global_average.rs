@@ -20,7 +20,9 @@ impl Tape<'_> {
             let mut sums = vec![0.0; maps.channels];
             let x = &input[i * maps.image()..][..maps.image()];
             self.compute.isa().run(SumRows { x, sums: &mut sums });
-            out.iter_mut().zip(sums).for_each(|(out, sum)| *out = (sum / maps.size.area() as f64) as f32);
+            out.iter_mut()
+                .zip(sums)
+                .for_each(|(out, sum)| *out = (sum / maps.size.area() as f64) as f32);
         });
         self.record(out, &[x], GlobalAverage { x })
     }
@@ -43,6 +45,8 @@ mod tests {
 
     #[test]
     fn gradients() {
-        check(&[noise(&[3, 2, 4, 5], 1)], 0.25, 1e-5, |tape, v| tape.global_average(v[0]));
+        check(&[noise(&[3, 2, 4, 5], 1)], 0.25, 1e-5, |tape, v| {
+            tape.global_average(v[0])
+        });
     }
 }

@@ -25,7 +25,10 @@ impl Tape<'_> {
     pub fn linear(&mut self, x: Var, weights: Var, bias: Var) -> Var {
         let (rows, inputs) = self.value(x).rows("linear");
         let [outputs, width] = self.shape(weights)[..] else {
-            panic!("linear needs weights [outputs, inputs], found {:?}", self.shape(weights))
+            panic!(
+                "linear needs weights [outputs, inputs], found {:?}",
+                self.shape(weights)
+            )
         };
         assert_eq!(width, inputs, "linear: inputs");
         assert_eq!(self.shape(bias), [outputs], "linear: bias");
@@ -37,7 +40,9 @@ impl Tape<'_> {
             (weight, Matrix::new(input, rows, inputs).transposed())
         });
         for row in out.data_mut().chunks_exact_mut(outputs) {
-            row.iter_mut().zip(self.value(bias).data()).for_each(|(y, b)| *y += b);
+            row.iter_mut()
+                .zip(self.value(bias).data())
+                .for_each(|(y, b)| *y += b);
         }
         self.record(out, &[x, weights, bias], Linear { x, weights, bias })
     }
@@ -88,7 +93,10 @@ impl Operation for Linear {
             let weights = tape.value(self.weights).data();
             let share = transposed_product(compute, tape.shape(self.x), |first, len| {
                 let weights = Matrix::new(weights, outputs, inputs).columns(first..first + len);
-                (weights.transposed(), Matrix::new(gradient.data(), rows, outputs).transposed())
+                (
+                    weights.transposed(),
+                    Matrix::new(gradient.data(), rows, outputs).transposed(),
+                )
             });
             tape.add_gradient(self.x, share);
         }
@@ -102,11 +110,18 @@ mod tests {
 
     #[test]
     fn gradients() {
-        for (rows, inputs, outputs) in [(&[3][..], 5, 4), (&[2, 2], 3, 1), (&[1], 67, 2), (&[2], 2, 66)] {
+        for (rows, inputs, outputs) in [
+            (&[3][..], 5, 4),
+            (&[2, 2], 3, 1),
+            (&[1], 67, 2),
+            (&[2], 2, 66),
+        ] {
             let x = noise(&[rows, &[inputs]].concat(), 1);
             let parameters = [noise(&[outputs, inputs], 2), noise(&[outputs], 3)];
             let [weights, bias] = parameters;
-            check(&[x, weights, bias], 0.25, 1e-5, |tape, v| tape.linear(v[0], v[1], v[2]));
+            check(&[x, weights, bias], 0.25, 1e-5, |tape, v| {
+                tape.linear(v[0], v[1], v[2])
+            });
         }
     }
 }

@@ -18,7 +18,14 @@ pub(crate) struct Placement {
 impl Placement {
     /// Zeros on all four sides of a map of `size`.
     pub fn pad(size: Size, pad: usize) -> Placement {
-        Placement { size: Size { h: size.h + 2 * pad, w: size.w + 2 * pad }, first: pad, step: 1 }
+        Placement {
+            size: Size {
+                h: size.h + 2 * pad,
+                w: size.w + 2 * pad,
+            },
+            first: pad,
+            step: 1,
+        }
     }
 
     /// Places one image `from` (`[size.h, size.w, channels]`) in `to`.
@@ -32,7 +39,9 @@ impl Placement {
                 to[..from.len()].copy_from_slice(from);
             } else {
                 let pixels = to.chunks_exact_mut(channels).step_by(self.step);
-                pixels.zip(from.chunks_exact(channels)).for_each(|(to, from)| to.copy_from_slice(from));
+                pixels
+                    .zip(from.chunks_exact(channels))
+                    .for_each(|(to, from)| to.copy_from_slice(from));
             }
         }
     }
@@ -70,7 +79,10 @@ impl Kernel for SumRows<'_> {
             for row in block.chunks_exact(columns) {
                 sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
             }
-            self.sums.iter_mut().zip(&sum).for_each(|(all, sum)| *all += f64::from(*sum));
+            self.sums
+                .iter_mut()
+                .zip(&sum)
+                .for_each(|(all, sum)| *all += f64::from(*sum));
         }
     }
 }
@@ -102,8 +114,17 @@ mod tests {
             to
         };
         let padded = place(Placement::pad(Size::square(2), 1));
-        assert_eq!(padded, [0., 0., 0., 0., 0., 1., 2., 0., 0., 3., 4., 0., 0., 0., 0., 0.]);
-        let spread = place(Placement { size: Size { h: 3, w: 4 }, first: 0, step: 2 });
+        assert_eq!(
+            padded,
+            [
+                0., 0., 0., 0., 0., 1., 2., 0., 0., 3., 4., 0., 0., 0., 0., 0.
+            ]
+        );
+        let spread = place(Placement {
+            size: Size { h: 3, w: 4 },
+            first: 0,
+            step: 2,
+        });
         assert_eq!(spread, [1., 0., 2., 0., 0., 0., 0., 0., 3., 0., 4., 0.]);
     }
 
@@ -115,7 +136,11 @@ mod tests {
             let columns = *shape.last().unwrap();
             let sums = sum_positions(&compute, &x);
             for (c, sum) in sums.data().iter().enumerate() {
-                let expected: f64 = x.data()[c..].iter().step_by(columns).map(|v| f64::from(*v)).sum();
+                let expected: f64 = x.data()[c..]
+                    .iter()
+                    .step_by(columns)
+                    .map(|v| f64::from(*v))
+                    .sum();
                 assert!((f64::from(*sum) - expected).abs() < 1e-5, "{shape:?}");
             }
         }

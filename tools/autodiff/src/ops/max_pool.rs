@@ -19,13 +19,17 @@ impl Tape<'_> {
     /// The maxima of `x` (`[batch, H, W, C]`) over windows 3x3 at every second pixel.
     pub fn max_pool(&mut self, x: Var) -> Var {
         let maps = self.value(x).maps("max_pool");
-        let out_maps = Maps { size: out_size(maps.size), ..maps };
+        let out_maps = Maps {
+            size: out_size(maps.size),
+            ..maps
+        };
         let mut out = self.compute.tensor(&out_maps.shape());
         let (one, isa, input) = (Threads::new(1), self.compute.isa(), self.value(x).data());
-        self.compute.each(out.data_mut(), out_maps.image(), |i, out| {
-            let image = &input[i * maps.image()..][..maps.image()];
-            max_pool(isa, &one, image, maps.size, maps.channels, out);
-        });
+        self.compute
+            .each(out.data_mut(), out_maps.image(), |i, out| {
+                let image = &input[i * maps.image()..][..maps.image()];
+                max_pool(isa, &one, image, maps.size, maps.channels, out);
+            });
         self.record(out, &[x], MaxPool { x })
     }
 }
@@ -36,17 +40,21 @@ impl Operation for MaxPool {
         let (maps, out_maps) = (x.maps("max_pool"), output.maps("max_pool"));
         let mut share = compute.tensor(&maps.shape());
         let parts = (gradient.data_mut(), out_maps.image());
-        compute.each2((share.data_mut(), maps.image()), parts, |i, share, gradient| {
-            compute.isa().run(Unpool {
-                x: &x.data()[i * maps.image()..][..maps.image()],
-                size: maps.size,
-                y: &output.data()[i * out_maps.image()..][..out_maps.image()],
-                width: out_maps.size.w,
-                channels: maps.channels,
-                gradient,
-                share,
-            });
-        });
+        compute.each2(
+            (share.data_mut(), maps.image()),
+            parts,
+            |i, share, gradient| {
+                compute.isa().run(Unpool {
+                    x: &x.data()[i * maps.image()..][..maps.image()],
+                    size: maps.size,
+                    y: &output.data()[i * out_maps.image()..][..out_maps.image()],
+                    width: out_maps.size.w,
+                    channels: maps.channels,
+                    gradient,
+                    share,
+                });
+            },
+        );
         tape.add_gradient(self.x, share);
         compute.recycle(gradient);
     }
@@ -68,9 +76,20 @@ impl Kernel for Unpool<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
-        let Unpool { x, size, y, width, channels, gradient, share } = self;
+        let Unpool {
+            x,
+            size,
+            y,
+            width,
+            channels,
+            gradient,
+            share,
+        } = self;
         share.fill(0.0);
-        let windows = gradient.chunks_exact_mut(channels).zip(y.chunks_exact(channels)).enumerate();
+        let windows = gradient
+            .chunks_exact_mut(channels)
+            .zip(y.chunks_exact(channels))
+            .enumerate();
         for (i, (gradient, y)) in windows {
             let (top, left) = (i / width * 2, i % width * 2);
             for iy in top..(top + 3).min(size.h) {
@@ -78,7 +97,9 @@ impl Kernel for Unpool<'_> {
                     let at = (iy * size.w + ix) * channels;
                     let share = &mut share[at..][..channels];
                     let inputs = x[at..][..channels].iter().zip(y);
-                    for ((share, gradient), (x, y)) in share.iter_mut().zip(gradient.iter_mut()).zip(inputs) {
+                    for ((share, gradient), (x, y)) in
+                        share.iter_mut().zip(gradient.iter_mut()).zip(inputs)
+                    {
                         // What is given is taken away, so that a second maximum gets nothing.
                         let given = if x == y { *gradient } else { 0.0 };
                         *share += given;

@@ -23,7 +23,10 @@ impl Tape<'_> {
 
     fn weighted_sum(&mut self, x: Var, weight: f64) -> Var {
         let sum: f64 = self.value(x).data().iter().map(|v| f64::from(*v)).sum();
-        let operation = WeightedSum { x, weight: weight as f32 };
+        let operation = WeightedSum {
+            x,
+            weight: weight as f32,
+        };
         self.record(Tensor::scalar((weight * sum) as f32), &[x], operation)
     }
 }
@@ -43,7 +46,9 @@ mod tests {
     #[test]
     fn gradients() {
         let x = noise(&[2, 3], 1);
-        check(std::slice::from_ref(&x), 0.25, 1e-5, |tape, v| tape.sum(v[0]));
+        check(std::slice::from_ref(&x), 0.25, 1e-5, |tape, v| {
+            tape.sum(v[0])
+        });
         check(&[x], 0.25, 1e-5, |tape, v| tape.mean(v[0]));
     }
 }

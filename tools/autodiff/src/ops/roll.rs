@@ -18,7 +18,10 @@ impl Tape<'_> {
 }
 
 fn roll(from: &Tensor, to: &mut Tensor, shift: usize) {
-    let batch = *from.shape().first().unwrap_or_else(|| panic!("roll needs [batch, ..], found a scalar"));
+    let batch = *from
+        .shape()
+        .first()
+        .unwrap_or_else(|| panic!("roll needs [batch, ..], found a scalar"));
     let items = |n: usize| from.data().len() / batch * (n % batch);
     let (front, back) = from.data().split_at(items(shift));
     let (first, last) = to.data_mut().split_at_mut(back.len());
@@ -44,7 +47,9 @@ mod tests {
     #[test]
     fn gradients() {
         for shift in [0, 1, 2, 4] {
-            check(&[noise(&[3, 2], 1)], 0.25, 1e-5, |tape, v| tape.roll(v[0], shift));
+            check(&[noise(&[3, 2], 1)], 0.25, 1e-5, |tape, v| {
+                tape.roll(v[0], shift)
+            });
         }
     }
 

@@ -21,11 +21,14 @@ impl Tape<'_> {
 
 /// The rows of `x` (`[batch, C]`) at every position of maps of `size`.
 pub(super) fn repeat(compute: &Compute, x: &Tensor, size: Size) -> Tensor {
-    let [batch, channels] = x.shape()[..] else { panic!("tile needs [batch, C], found {:?}", x.shape()) };
+    let [batch, channels] = x.shape()[..] else {
+        panic!("tile needs [batch, C], found {:?}", x.shape())
+    };
     let mut out = compute.tensor(&[batch, size.h, size.w, channels]);
     compute.each(out.data_mut(), size.area() * channels, |i, out| {
         let row = &x.data()[i * channels..][..channels];
-        out.chunks_exact_mut(channels).for_each(|out| out.copy_from_slice(row));
+        out.chunks_exact_mut(channels)
+            .for_each(|out| out.copy_from_slice(row));
     });
     out
 }
@@ -39,7 +42,10 @@ impl Operation for Tile {
             let mut sums = vec![0.0; maps.channels];
             let x = &gradient.data()[i * maps.image()..][..maps.image()];
             compute.isa().run(SumRows { x, sums: &mut sums });
-            share.iter_mut().zip(sums).for_each(|(share, sum)| *share = sum as f32);
+            share
+                .iter_mut()
+                .zip(sums)
+                .for_each(|(share, sum)| *share = sum as f32);
         });
         tape.add_gradient(self.x, share);
         compute.recycle(gradient);
@@ -54,6 +60,8 @@ mod tests {
     #[test]
     fn gradients() {
         let size = Size { h: 2, w: 3 };
-        check(&[noise(&[3, 5], 1)], 0.25, 1e-5, |tape, v| tape.tile(v[0], size));
+        check(&[noise(&[3, 5], 1)], 0.25, 1e-5, |tape, v| {
+            tape.tile(v[0], size)
+        });
     }
 }

@@ -28,23 +28,46 @@ impl Tape<'_> {
         let maps = z.maps("xcorr");
         assert_eq!(maps.size.h, maps.size.w, "xcorr: square template");
         let out = correlate(self.compute, x, z);
-        self.record(out, &[search, template], CrossCorrelation { search, template })
+        self.record(
+            out,
+            &[search, template],
+            CrossCorrelation { search, template },
+        )
     }
 }
 
 /// Correlates every item of `x` with its own `z`.
 fn correlate(compute: &Compute, x: &Tensor, z: &Tensor) -> Tensor {
     let (xs, zs) = (x.maps("xcorr"), z.maps("xcorr"));
-    assert_eq!((xs.batch, xs.channels), (zs.batch, zs.channels), "xcorr: batch and channels");
-    assert!(zs.size.h <= xs.size.h && zs.size.w <= xs.size.w, "xcorr: template {zs:?} in {xs:?}");
-    let size = Size { h: xs.size.h - zs.size.h + 1, w: xs.size.w - zs.size.w + 1 };
+    assert_eq!(
+        (xs.batch, xs.channels),
+        (zs.batch, zs.channels),
+        "xcorr: batch and channels"
+    );
+    assert!(
+        zs.size.h <= xs.size.h && zs.size.w <= xs.size.w,
+        "xcorr: template {zs:?} in {xs:?}"
+    );
+    let size = Size {
+        h: xs.size.h - zs.size.h + 1,
+        w: xs.size.w - zs.size.w + 1,
+    };
     let out_maps = Maps { size, ..xs };
     let mut out = compute.tensor(&out_maps.shape());
     let one = Threads::new(1);
     compute.each(out.data_mut(), out_maps.image(), |i, out| {
         let x = &x.data()[i * xs.image()..][..xs.image()];
         let z = &z.data()[i * zs.image()..][..zs.image()];
-        xcorr(compute.isa(), &one, x, xs.size, z, zs.size, xs.channels, out);
+        xcorr(
+            compute.isa(),
+            &one,
+            x,
+            xs.size,
+            z,
+            zs.size,
+            xs.channels,
+            out,
+        );
     });
     out
 }
@@ -59,7 +82,8 @@ impl Operation for CrossCorrelation {
         if tape.needs_gradient(self.search) {
             let turned = turn(compute, tape.value(self.template));
             let side = turned.maps("xcorr").size.h;
-            let padded = Placement::pad(gradient.maps("xcorr").size, side - 1).place(compute, &gradient);
+            let padded =
+                Placement::pad(gradient.maps("xcorr").size, side - 1).place(compute, &gradient);
             let share = correlate(compute, &padded, &turned);
             compute.recycle(padded);
             compute.recycle(turned);
@@ -74,8 +98,13 @@ fn turn(compute: &Compute, z: &Tensor) -> Tensor {
     let maps = z.maps("xcorr");
     let mut turned = compute.tensor(z.shape());
     compute.each(turned.data_mut(), maps.image(), |i, turned| {
-        let pixels = z.data()[i * maps.image()..][..maps.image()].chunks_exact(maps.channels).rev();
-        turned.chunks_exact_mut(maps.channels).zip(pixels).for_each(|(to, from)| to.copy_from_slice(from));
+        let pixels = z.data()[i * maps.image()..][..maps.image()]
+            .chunks_exact(maps.channels)
+            .rev();
+        turned
+            .chunks_exact_mut(maps.channels)
+            .zip(pixels)
+            .for_each(|(to, from)| to.copy_from_slice(from));
     });
     turned
 }
@@ -87,7 +116,10 @@ mod tests {
     #[test]
     fn gradients() {
         for (h, w, side, channels) in [(4, 5, 2, 3), (4, 4, 4, 1), (5, 3, 1, 17)] {
-            let inputs = [noise(&[2, h, w, channels], 1), noise(&[2, side, side, channels], 2)];
+            let inputs = [
+                noise(&[2, h, w, channels], 1),
+                noise(&[2, side, side, channels], 2),
+            ];
             check(&inputs, 0.25, 1e-5, |tape, v| tape.xcorr(v[0], v[1]));
         }
     }

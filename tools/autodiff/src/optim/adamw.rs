@@ -34,9 +34,15 @@ impl Default for AdamW {
 impl Optimizer for AdamW {
     fn step(&mut self, compute: &Compute, parameters: &mut Parameters, rate: f32) {
         let ([b1, b2], epsilon) = (self.betas, self.epsilon);
-        for (i, parameter) in parameters.iter_mut().enumerate().filter(|(_, p)| p.is_trained()) {
+        for (i, parameter) in parameters
+            .iter_mut()
+            .enumerate()
+            .filter(|(_, p)| p.is_trained())
+        {
             let rate = rate * parameter.rate;
-            let Some(gradient) = &parameter.gradient else { continue };
+            let Some(gradient) = &parameter.gradient else {
+                continue;
+            };
             let step = &mut self.step.get(i, parameter).data_mut()[0];
             *step += 1.0;
             let bias = |beta: f32| 1.0 - f64::from(beta).powf(f64::from(*step));
@@ -45,20 +51,43 @@ impl Optimizer for AdamW {
             let keep = 1.0 - rate * parameter.decay;
             let mean = self.mean.get(i, parameter).data_mut();
             let square = self.square.get(i, parameter).data_mut();
-            update2(compute, mean, gradient.data(), |m, g| *m += (1.0 - b1) * (g - *m));
-            update2(compute, square, gradient.data(), |v, g| *v = b2 * *v + (1.0 - b2) * g * g);
-            update3(compute, parameter.value.data_mut(), mean, square, |p, m, v| {
-                *p = keep * *p - size * m / (v.sqrt() * root + epsilon);
+            update2(compute, mean, gradient.data(), |m, g| {
+                *m += (1.0 - b1) * (g - *m)
             });
+            update2(compute, square, gradient.data(), |v, g| {
+                *v = b2 * *v + (1.0 - b2) * g * g
+            });
+            update3(
+                compute,
+                parameter.value.data_mut(),
+                mean,
+                square,
+                |p, m, v| {
+                    *p = keep * *p - size * m / (v.sqrt() * root + epsilon);
+                },
+            );
         }
     }
 
     fn state<'a>(&'a self, parameters: &'a Parameters) -> Vec<(String, &'a Tensor)> {
-        [&self.mean, &self.square, &self.step].into_iter().flat_map(|slots| slots.state(parameters)).collect()
+        [&self.mean, &self.square, &self.step]
+            .into_iter()
+            .flat_map(|slots| slots.state(parameters))
+            .collect()
     }
 
-    fn restore(&mut self, parameters: &Parameters, name: &str, value: Tensor) -> Result<(), StateError> {
-        restore(&mut [&mut self.mean, &mut self.square, &mut self.step], parameters, name, value)
+    fn restore(
+        &mut self,
+        parameters: &Parameters,
+        name: &str,
+        value: Tensor,
+    ) -> Result<(), StateError> {
+        restore(
+            &mut [&mut self.mean, &mut self.square, &mut self.step],
+            parameters,
+            name,
+            value,
+        )
     }
 }
 

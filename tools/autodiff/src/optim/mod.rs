@@ -29,7 +29,12 @@ pub trait Optimizer {
     ///
     /// # Errors
     /// If no tensor of the optimizer has that name, or it has another shape.
-    fn restore(&mut self, parameters: &Parameters, name: &str, value: Tensor) -> Result<(), StateError>;
+    fn restore(
+        &mut self,
+        parameters: &Parameters,
+        name: &str,
+        value: Tensor,
+    ) -> Result<(), StateError>;
 }
 
 /// One tensor per parameter that an optimizer has moved.
@@ -43,16 +48,28 @@ struct Slots {
 impl Slots {
     /// Tensors of the parameters' shapes.
     fn tensors(kind: &'static str) -> Slots {
-        Slots { kind, scalar: false, tensors: vec![] }
+        Slots {
+            kind,
+            scalar: false,
+            tensors: vec![],
+        }
     }
 
     /// One value per parameter.
     fn scalars(kind: &'static str) -> Slots {
-        Slots { kind, scalar: true, tensors: vec![] }
+        Slots {
+            kind,
+            scalar: true,
+            tensors: vec![],
+        }
     }
 
     fn shape<'a>(&self, parameter: &'a Parameter) -> &'a [usize] {
-        if self.scalar { &[] } else { parameter.value.shape() }
+        if self.scalar {
+            &[]
+        } else {
+            parameter.value.shape()
+        }
     }
 
     /// The tensor of the `i`-th parameter; zeros if there is none yet.
@@ -64,10 +81,16 @@ impl Slots {
         self.tensors[i].get_or_insert_with(|| Tensor::zeros(shape))
     }
 
-    fn state<'a>(&'a self, parameters: &'a Parameters) -> impl Iterator<Item = (String, &'a Tensor)> {
+    fn state<'a>(
+        &'a self,
+        parameters: &'a Parameters,
+    ) -> impl Iterator<Item = (String, &'a Tensor)> {
         let named = parameters.iter().zip(&self.tensors);
         named.filter_map(|(parameter, tensor)| {
-            Some((format!("{}.{}", self.kind, parameter.name()), tensor.as_ref()?))
+            Some((
+                format!("{}.{}", self.kind, parameter.name()),
+                tensor.as_ref()?,
+            ))
         })
     }
 }
@@ -80,7 +103,9 @@ fn restore(
     value: Tensor,
 ) -> Result<(), StateError> {
     for slots in all {
-        let parameter = name.strip_prefix(slots.kind).and_then(|rest| rest.strip_prefix('.'));
+        let parameter = name
+            .strip_prefix(slots.kind)
+            .and_then(|rest| rest.strip_prefix('.'));
         if let Some(id) = parameter.and_then(|parameter| parameters.find(parameter)) {
             let parameter = &parameters[id];
             check_shape(name, slots.shape(parameter), value.shape())?;
@@ -113,7 +138,10 @@ mod tests {
     }
 
     fn optimizers() -> [Box<dyn Fn() -> Box<dyn Optimizer>>; 2] {
-        [Box::new(|| Box::new(Sgd::new(0.9))), Box::new(|| Box::new(AdamW::default()))]
+        [
+            Box::new(|| Box::new(Sgd::new(0.9))),
+            Box::new(|| Box::new(AdamW::default())),
+        ]
     }
 
     #[test]
@@ -127,7 +155,9 @@ mod tests {
             parameters[b].frozen = true;
             let saved = |optimizer: &dyn Optimizer, parameters: &Parameters| -> Vec<Tensor> {
                 let state = optimizer.state(parameters).into_iter();
-                let of_b = state.filter(|(name, _)| name.ends_with(".b")).map(|(_, tensor)| tensor.clone());
+                let of_b = state
+                    .filter(|(name, _)| name.ends_with(".b"))
+                    .map(|(_, tensor)| tensor.clone());
                 of_b.chain([parameters[b].value.clone()]).collect()
             };
             let before = saved(&*optimizer, &parameters);

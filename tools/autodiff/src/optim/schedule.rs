@@ -19,7 +19,13 @@ impl WarmupCosine {
     /// The reference implementation's: epoch 0 from 1e-6 to 0.08, then back to 1e-6 (spec section 3.5).
     pub fn paper(epochs: usize, steps_per_epoch: usize) -> WarmupCosine {
         let total = epochs * steps_per_epoch;
-        WarmupCosine { start: 1e-6, peak: 0.08, floor: 1e-6, warmup: steps_per_epoch, total }
+        WarmupCosine {
+            start: 1e-6,
+            peak: 0.08,
+            floor: 1e-6,
+            warmup: steps_per_epoch,
+            total,
+        }
     }
 
     /// The rate of one step, counted from 0.
@@ -28,7 +34,8 @@ impl WarmupCosine {
             self.start + (self.peak - self.start) * step as f64 / self.warmup as f64
         } else if step < self.total {
             let done = (step - self.warmup) as f64 / (self.total - self.warmup) as f64;
-            self.floor + (self.peak - self.floor) * (1.0 + (std::f64::consts::PI * done).cos()) / 2.0
+            self.floor
+                + (self.peak - self.floor) * (1.0 + (std::f64::consts::PI * done).cos()) / 2.0
         } else {
             self.floor
         };
@@ -53,16 +60,31 @@ mod tests {
             (19, 12_499, 1.0000035e-6),
         ] {
             let found = f64::from(schedule.rate(epoch * 12_500 + step));
-            assert!((found / rate - 1.0).abs() < 3e-6, "epoch {epoch} step {step}: {found}, expected {rate}");
+            assert!(
+                (found / rate - 1.0).abs() < 3e-6,
+                "epoch {epoch} step {step}: {found}, expected {rate}"
+            );
         }
         assert_eq!(schedule.rate(usize::MAX), 1e-6);
     }
 
     #[test]
     fn without_warm_up() {
-        let schedule = WarmupCosine { start: 0.0, peak: 2.0, floor: 1.0, warmup: 0, total: 10 };
-        assert_eq!([schedule.rate(0), schedule.rate(5), schedule.rate(10)], [2.0, 1.5, 1.0]);
-        let none = WarmupCosine { total: 0, ..schedule };
+        let schedule = WarmupCosine {
+            start: 0.0,
+            peak: 2.0,
+            floor: 1.0,
+            warmup: 0,
+            total: 10,
+        };
+        assert_eq!(
+            [schedule.rate(0), schedule.rate(5), schedule.rate(10)],
+            [2.0, 1.5, 1.0]
+        );
+        let none = WarmupCosine {
+            total: 0,
+            ..schedule
+        };
         assert_eq!(none.rate(0), 1.0);
     }
 }

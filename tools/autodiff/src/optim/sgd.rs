@@ -15,21 +15,38 @@ pub struct Sgd {
 impl Sgd {
     /// With that factor on the momentum of the step before.
     pub fn new(momentum: f32) -> Sgd {
-        Sgd { factor: momentum, momentum: Slots::tensors("momentum") }
+        Sgd {
+            factor: momentum,
+            momentum: Slots::tensors("momentum"),
+        }
     }
 }
 
 impl Optimizer for Sgd {
     fn step(&mut self, compute: &Compute, parameters: &mut Parameters, rate: f32) {
         let factor = self.factor;
-        for (i, parameter) in parameters.iter_mut().enumerate().filter(|(_, p)| p.is_trained()) {
+        for (i, parameter) in parameters
+            .iter_mut()
+            .enumerate()
+            .filter(|(_, p)| p.is_trained())
+        {
             let (decay, rate) = (parameter.decay, rate * parameter.rate);
-            let Some(gradient) = &parameter.gradient else { continue };
+            let Some(gradient) = &parameter.gradient else {
+                continue;
+            };
             let momentum = self.momentum.get(i, parameter).data_mut();
-            update3(compute, momentum, gradient.data(), parameter.value.data(), |m, g, p| {
-                *m = factor * *m + (g + decay * p);
+            update3(
+                compute,
+                momentum,
+                gradient.data(),
+                parameter.value.data(),
+                |m, g, p| {
+                    *m = factor * *m + (g + decay * p);
+                },
+            );
+            update2(compute, parameter.value.data_mut(), momentum, |p, m| {
+                *p -= rate * m
             });
-            update2(compute, parameter.value.data_mut(), momentum, |p, m| *p -= rate * m);
         }
     }
 
@@ -37,7 +54,12 @@ impl Optimizer for Sgd {
         self.momentum.state(parameters).collect()
     }
 
-    fn restore(&mut self, parameters: &Parameters, name: &str, value: Tensor) -> Result<(), StateError> {
+    fn restore(
+        &mut self,
+        parameters: &Parameters,
+        name: &str,
+        value: Tensor,
+    ) -> Result<(), StateError> {
         restore(&mut [&mut self.momentum], parameters, name, value)
     }
 }

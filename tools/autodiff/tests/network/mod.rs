@@ -1,7 +1,9 @@
 //! The training network of DR-MIM (spec sections 1 and 3.7): backbone, encoders, neck, head and statistics networks, with
 //! parameters under PyTorch's names.
 
-use autodiff::{BoxDecoder, Conv2d, Focal, ParameterId, Parameters, RunningStatistics, Tape, Tensor, Var};
+use autodiff::{
+    BoxDecoder, Conv2d, Focal, ParameterId, Parameters, RunningStatistics, Tape, Tensor, Var,
+};
 
 /// Sizes of the network.
 #[derive(Clone, Copy, Debug)]
@@ -35,11 +37,29 @@ struct Kind {
 }
 
 /// A 3x3 block with normalization and ReLU.
-const PLAIN: Kind = Kind { kernel: 3, stride: 1, pad: 0, norm: true, relu: true };
+const PLAIN: Kind = Kind {
+    kernel: 3,
+    stride: 1,
+    pad: 0,
+    norm: true,
+    relu: true,
+};
 
 impl Block {
-    fn new(parameters: &mut Parameters, name: &str, inputs: usize, outputs: usize, kind: Kind) -> Block {
-        let Kind { kernel, stride, pad, norm, relu } = kind;
+    fn new(
+        parameters: &mut Parameters,
+        name: &str,
+        inputs: usize,
+        outputs: usize,
+        kind: Kind,
+    ) -> Block {
+        let Kind {
+            kernel,
+            stride,
+            pad,
+            norm,
+            relu,
+        } = kind;
         let named = |what: &str| format!("{name}.{what}");
         let vector = |value| Tensor::full(&[outputs], value);
         let weight = Tensor::zeros(&[outputs, kernel, kernel, inputs]);
@@ -52,7 +72,12 @@ impl Block {
             let variance = parameters.add_statistic(named("bn.running_var"), vector(1.0));
             (gamma, beta, RunningStatistics { mean, variance })
         });
-        Block { weight, bias, norm, options: Conv2d { stride, pad, relu } }
+        Block {
+            weight,
+            bias,
+            norm,
+            options: Conv2d { stride, pad, relu },
+        }
     }
 
     fn forward(&self, tape: &mut Tape, x: Var) -> Var {
@@ -61,7 +86,15 @@ impl Block {
         match self.norm {
             None => tape.conv2d(x, weight, Some(bias), self.options),
             Some((gamma, beta, running)) => {
-                let x = tape.conv2d(x, weight, Some(bias), Conv2d { relu: false, ..self.options });
+                let x = tape.conv2d(
+                    x,
+                    weight,
+                    Some(bias),
+                    Conv2d {
+                        relu: false,
+                        ..self.options
+                    },
+                );
                 let (gamma, beta) = (tape.parameter(gamma), tape.parameter(beta));
                 tape.batch_norm(x, gamma, beta, running, relu)
             }
@@ -78,10 +111,18 @@ impl Statistics {
     fn new(parameters: &mut Parameters, name: &str, inputs: usize, hidden: usize) -> Statistics {
         let shapes = [(0, inputs, hidden), (2, hidden, hidden), (4, hidden, 1)];
         let layers = shapes.map(|(i, inputs, outputs)| {
-            let weight = parameters.add(format!("{name}.{i}.weight"), Tensor::zeros(&[outputs, inputs]));
-            (weight, parameters.add(format!("{name}.{i}.bias"), Tensor::zeros(&[outputs])))
+            let weight = parameters.add(
+                format!("{name}.{i}.weight"),
+                Tensor::zeros(&[outputs, inputs]),
+            );
+            (
+                weight,
+                parameters.add(format!("{name}.{i}.bias"), Tensor::zeros(&[outputs])),
+            )
         });
-        Statistics { layers: layers.into() }
+        Statistics {
+            layers: layers.into(),
+        }
     }
 
     /// `x` (`[.., inputs]`) to scores (`[.., 1]`).
@@ -157,12 +198,31 @@ impl DrMim {
     pub fn new(p: &mut Parameters, config: Config) -> DrMim {
         let [w1, w2, w3, w4, c] = config.backbone;
         let n = config.neck;
-        let linear = Kind { relu: false, ..PLAIN };
+        let linear = Kind {
+            relu: false,
+            ..PLAIN
+        };
         let padded = Kind { pad: 1, ..PLAIN };
-        let bare = Kind { norm: false, ..PLAIN };
-        let score = Kind { kernel: 1, ..linear };
+        let bare = Kind {
+            norm: false,
+            ..PLAIN
+        };
+        let score = Kind {
+            kernel: 1,
+            ..linear
+        };
         let backbone = [
-            Block::new(p, "basemodel.conv1", 3, w1, Kind { kernel: 11, stride: 2, ..PLAIN }),
+            Block::new(
+                p,
+                "basemodel.conv1",
+                3,
+                w1,
+                Kind {
+                    kernel: 11,
+                    stride: 2,
+                    ..PLAIN
+                },
+            ),
             Block::new(p, "basemodel.conv2", w1, w2, Kind { kernel: 5, ..PLAIN }),
             Block::new(p, "basemodel.conv3", w2, w3, PLAIN),
             Block::new(p, "basemodel.conv4", w3, w4, PLAIN),
@@ -173,7 +233,11 @@ impl DrMim {
                 .map(|(i, kind)| Block::new(p, &format!("head.{branch}_p5_conv{i}"), n, n, kind))
         };
         let (cls, bbox) = (tower("cls"), tower("bbox"));
-        let global = if let Some(side) = config.flatten { 3 * c * side * side } else { 3 * c };
+        let global = if let Some(side) = config.flatten {
+            3 * c * side * side
+        } else {
+            3 * c
+        };
         DrMim {
             backbone,
             identity: Block::new(p, "dr.e2", c, c, padded),
@@ -224,21 +288,28 @@ impl DrMim {
     fn information(&self, tape: &mut Tape, f: Var, encodings: Var) -> (Var, Var) {
         let rolled = tape.roll(f, 1);
         let average = tape.global_average(encodings);
-        let [_, h, w, _] = tape.shape(f)[..] else { unreachable!("features are maps") };
+        let [_, h, w, _] = tape.shape(f)[..] else {
+            unreachable!("features are maps")
+        };
         let tiled = tape.tile(average, kernels::Size { h, w });
-        let code = if self.flatten { tape.flatten(encodings) } else { average };
-        let [global, local] = [(&self.global, true), (&self.local, false)].map(|(network, global)| {
-            let scores = [f, rolled].map(|f| {
-                let input = match (global, self.flatten) {
-                    (true, true) => tape.flatten(f),
-                    (true, false) => tape.global_average(f),
-                    (false, _) => f,
-                };
-                let input = tape.concat(&[input, if global { code } else { tiled }]);
-                network.forward(tape, input)
+        let code = if self.flatten {
+            tape.flatten(encodings)
+        } else {
+            average
+        };
+        let [global, local] =
+            [(&self.global, true), (&self.local, false)].map(|(network, global)| {
+                let scores = [f, rolled].map(|f| {
+                    let input = match (global, self.flatten) {
+                        (true, true) => tape.flatten(f),
+                        (true, false) => tape.global_average(f),
+                        (false, _) => f,
+                    };
+                    let input = tape.concat(&[input, if global { code } else { tiled }]);
+                    network.forward(tape, input)
+                });
+                tape.information(scores[0], scores[1])
             });
-            tape.information(scores[0], scores[1])
-        });
         (global, local)
     }
 
@@ -257,7 +328,13 @@ impl DrMim {
         let encodings = tape.concat(&[template, unrelated]);
         let (global, local) = self.information(tape, f, encodings);
 
-        let Prediction { cls, ctr, offsets, si, bi } = prediction;
+        let Prediction {
+            cls,
+            ctr,
+            offsets,
+            si,
+            bi,
+        } = prediction;
         let reg = tape.iou_loss(offsets, si, bi, &batch.labels, &batch.boxes, batch.decoder);
         let same = tape.mean_square(template, second, &batch.positive);
         let mut losses = Losses {
@@ -269,7 +346,15 @@ impl DrMim {
             idsim: tape.scale(same, 0.05),
             total: reg,
         };
-        let Losses { cls, ctr, reg, mi_global, mi_local, idsim, .. } = losses;
+        let Losses {
+            cls,
+            ctr,
+            reg,
+            mi_global,
+            mi_local,
+            idsim,
+            ..
+        } = losses;
         let rest = [ctr, reg, mi_global, mi_local, idsim];
         losses.total = rest.into_iter().fold(cls, |sum, loss| tape.add(sum, loss));
         (prediction, losses)

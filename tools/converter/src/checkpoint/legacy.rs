@@ -35,7 +35,11 @@ pub fn open(bytes: &[u8]) -> Result<(Heap, Id, Storages<'_>), Refusal> {
         Some(Value::Bool(true)) => {}
         other => {
             let found = other.map_or("nothing".into(), Value::kind);
-            return Err(Refusal::new("system information", "little_endian = true", found));
+            return Err(Refusal::new(
+                "system information",
+                "little_endian = true",
+                found,
+            ));
         }
     }
     let (heap, root) = stream.pickle()?;
@@ -51,8 +55,10 @@ struct Stream<'a> {
 
 impl Stream<'_> {
     fn pickle(&mut self) -> Result<(Heap, Id), Refusal> {
-        let pickle = pickle::read(&self.bytes[self.at..])
-            .map_err(|error| Refusal { place: format!("from byte {}: {}", self.at, error.place), ..error })?;
+        let pickle = pickle::read(&self.bytes[self.at..]).map_err(|error| Refusal {
+            place: format!("from byte {}: {}", self.at, error.place),
+            ..error
+        })?;
         self.at += pickle.length;
         Ok((pickle.heap, pickle.root))
     }
@@ -65,29 +71,48 @@ impl Stream<'_> {
     ) -> Result<BTreeMap<String, Range<usize>>, Refusal> {
         let mut known = BTreeMap::new();
         for storage in heap.values() {
-            let Value::Storage(storage) = storage else { continue };
+            let Value::Storage(storage) = storage else {
+                continue;
+            };
             let first = known.entry(&storage.key).or_insert(storage);
             if *first != storage {
                 let place = format!("storage {:?}", storage.key);
-                return Err(Refusal::new(place, format!("{first:?}"), format!("also {storage:?}")));
+                return Err(Refusal::new(
+                    place,
+                    format!("{first:?}"),
+                    format!("also {storage:?}"),
+                ));
             }
         }
         let (names, list) = keys;
         let Value::List(list) = names.get(*list) else {
-            return Err(Refusal::new("storage keys", "a list", names.get(*list).kind()));
+            return Err(Refusal::new(
+                "storage keys",
+                "a list",
+                names.get(*list).kind(),
+            ));
         };
         let mut ranges = BTreeMap::new();
         for &key in list {
             let Value::Str(key) = names.get(key) else {
-                return Err(Refusal::new("storage keys", "strings", names.get(key).kind()));
+                return Err(Refusal::new(
+                    "storage keys",
+                    "strings",
+                    names.get(key).kind(),
+                ));
             };
             let place = || format!("storage {key:?}");
             let Some(storage) = known.get(key) else {
                 return Err(Refusal::new(place(), "a tensor that uses it", "none"));
             };
-            let elements = i64::from_le_bytes(self.take(8, place)?.try_into().expect("8 bytes were taken"));
+            let elements =
+                i64::from_le_bytes(self.take(8, place)?.try_into().expect("8 bytes were taken"));
             if usize::try_from(elements) != Ok(storage.elements) {
-                return Err(Refusal::new(place(), format!("{} elements", storage.elements), elements));
+                return Err(Refusal::new(
+                    place(),
+                    format!("{} elements", storage.elements),
+                    elements,
+                ));
             }
             let start = self.at;
             self.take(storage.bytes().unwrap_or(usize::MAX), place)?;
@@ -97,9 +122,11 @@ impl Stream<'_> {
         }
         match self.bytes.len() - self.at {
             0 => Ok(ranges),
-            more => {
-                Err(Refusal::new("file", "its end behind the last storage", format!("{more} more bytes")))
-            }
+            more => Err(Refusal::new(
+                "file",
+                "its end behind the last storage",
+                format!("{more} more bytes"),
+            )),
         }
     }
 

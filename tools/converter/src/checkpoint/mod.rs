@@ -34,12 +34,18 @@ impl<'a> Checkpoint<'a> {
             _ => {
                 let first = &bytes[..bytes.len().min(4)];
                 let expected = "a PyTorch checkpoint (zip archive or legacy stream)";
-                return Err(Refusal::new("file", expected, format!("first bytes {first:02x?}")));
+                return Err(Refusal::new(
+                    "file",
+                    expected,
+                    format!("first bytes {first:02x?}"),
+                ));
             }
         };
         let mut others = Vec::new();
         let mut entries = dict(&heap, root, "checkpoint")?;
-        let wrapped = ["model_state_dict", "state_dict"].into_iter().find(|&key| entries.contains_key(key));
+        let wrapped = ["model_state_dict", "state_dict"]
+            .into_iter()
+            .find(|&key| entries.contains_key(key));
         if let Some(key) = wrapped {
             let inner = dict(&heap, entries[key], key)?;
             others.extend(entries.into_keys().filter(|name| name != key));
@@ -50,14 +56,21 @@ impl<'a> Checkpoint<'a> {
             let name = name.strip_prefix("module.").unwrap_or(&name);
             match heap.get(id) {
                 Value::Tensor(tensor) => {
-                    if tensors.insert(name.to_owned(), (**tensor).clone()).is_some() {
+                    if tensors
+                        .insert(name.to_owned(), (**tensor).clone())
+                        .is_some()
+                    {
                         return Err(twice(name));
                     }
                 }
                 _ => others.push(name.to_owned()),
             }
         }
-        Ok(Checkpoint { tensors, others, storages })
+        Ok(Checkpoint {
+            tensors,
+            others,
+            storages,
+        })
     }
 
     /// Names of the tensors, without `module.`.
@@ -83,7 +96,11 @@ impl<'a> Checkpoint<'a> {
     pub fn load(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f64>, Refusal> {
         let place = || format!("tensor {name:?}");
         let Some(tensor) = self.tensors.get(name) else {
-            return Err(Refusal::new(place(), format!("shape {shape:?}"), "no such tensor"));
+            return Err(Refusal::new(
+                place(),
+                format!("shape {shape:?}"),
+                "no such tensor",
+            ));
         };
         if tensor.shape != shape {
             return Err(Refusal::new(
@@ -100,10 +117,16 @@ impl<'a> Checkpoint<'a> {
                 format!("{:?}", tensor.storage.dtype),
             ));
         };
-        match values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
-            Some((i, value)) => {
-                Err(Refusal::new(place(), "finite values", format!("{value} at element {i}")))
-            }
+        match values
+            .iter()
+            .enumerate()
+            .find(|(_, value)| !value.is_finite())
+        {
+            Some((i, value)) => Err(Refusal::new(
+                place(),
+                "finite values",
+                format!("{value} at element {i}"),
+            )),
             None => Ok(values),
         }
     }
@@ -134,7 +157,10 @@ fn twice(key: &str) -> Refusal {
 #[derive(Debug)]
 enum Storages<'a> {
     Zip(zip::Entries<'a>),
-    Legacy { bytes: &'a [u8], ranges: BTreeMap<String, Range<usize>> },
+    Legacy {
+        bytes: &'a [u8],
+        ranges: BTreeMap<String, Range<usize>>,
+    },
 }
 
 impl Storages<'_> {
@@ -150,7 +176,11 @@ impl Storages<'_> {
             },
         };
         if bytes.len() != expected {
-            return Err(Refusal::new(place(), format!("{expected} bytes"), bytes.len()));
+            return Err(Refusal::new(
+                place(),
+                format!("{expected} bytes"),
+                bytes.len(),
+            ));
         }
         Ok(bytes)
     }

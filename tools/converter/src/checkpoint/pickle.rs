@@ -103,7 +103,11 @@ pub fn read(bytes: &[u8]) -> Result<Pickle, Refusal> {
         memo: HashMap::new(),
     };
     let root = machine.run()?;
-    Ok(Pickle { heap: machine.heap, root, length: machine.at })
+    Ok(Pickle {
+        heap: machine.heap,
+        root,
+        length: machine.at,
+    })
 }
 
 struct Machine<'a> {
@@ -229,7 +233,9 @@ impl Machine<'_> {
                 let (name, module) = (self.pop()?, self.pop()?);
                 match (self.heap.get(module).clone(), self.heap.get(name).clone()) {
                     (Value::Str(module), Value::Str(name)) => self.global(&module, &name)?,
-                    (module, _) => return Err(self.refuse("two strings for STACK_GLOBAL", module.kind())),
+                    (module, _) => {
+                        return Err(self.refuse("two strings for STACK_GLOBAL", module.kind()));
+                    }
                 }
             }
             b'R' => self.reduce()?,
@@ -238,7 +244,9 @@ impl Machine<'_> {
                 self.pop()?;
                 let object = self.top()?;
                 if !matches!(self.heap.get(object), Value::Dict(_)) {
-                    return Err(self.refuse("BUILD of an OrderedDict", self.heap.get(object).kind()));
+                    return Err(
+                        self.refuse("BUILD of an OrderedDict", self.heap.get(object).kind())
+                    );
                 }
             }
             b'Q' => {
@@ -266,7 +274,10 @@ impl Machine<'_> {
 
     fn global(&mut self, module: &str, name: &str) -> Result<(), Refusal> {
         let Some(global) = torch::global(module, name) else {
-            return Err(self.refuse("a global of a plain state dict", format!("`{module}.{name}`")));
+            return Err(self.refuse(
+                "a global of a plain state dict",
+                format!("`{module}.{name}`"),
+            ));
         };
         self.push(Value::Global(global));
         Ok(())
@@ -406,7 +417,10 @@ impl Machine<'_> {
 
     /// Adds the byte to a refusal that does not know it.
     fn place(&self, refusal: Refusal) -> Refusal {
-        Refusal { place: format!("pickle, byte {}: {}", self.opcode_at, refusal.place), ..refusal }
+        Refusal {
+            place: format!("pickle, byte {}: {}", self.opcode_at, refusal.place),
+            ..refusal
+        }
     }
 }
 

@@ -121,27 +121,51 @@ impl TensorRef {
         strides: Vec<usize>,
     ) -> Result<TensorRef, Refusal> {
         if shape.len() > Self::MAX_DIMENSIONS || strides.len() != shape.len() {
-            let expected = format!("as many strides as dimensions, at most {}", Self::MAX_DIMENSIONS);
-            return Err(Refusal::new("tensor", expected, format!("{} and {}", strides.len(), shape.len())));
+            let expected = format!(
+                "as many strides as dimensions, at most {}",
+                Self::MAX_DIMENSIONS
+            );
+            return Err(Refusal::new(
+                "tensor",
+                expected,
+                format!("{} and {}", strides.len(), shape.len()),
+            ));
         }
         let available = storage.elements;
         let describe = || format!("offset {offset}, shape {shape:?}, strides {strides:?}");
-        let outside =
-            || Refusal::new("tensor", format!("elements within its storage of {available}"), describe());
-        let elements =
-            shape.iter().try_fold(1_usize, |product, &n| product.checked_mul(n)).ok_or_else(outside)?;
+        let outside = || {
+            Refusal::new(
+                "tensor",
+                format!("elements within its storage of {available}"),
+                describe(),
+            )
+        };
+        let elements = shape
+            .iter()
+            .try_fold(1_usize, |product, &n| product.checked_mul(n))
+            .ok_or_else(outside)?;
         if elements > available {
             return Err(outside());
         }
         if elements > 0 {
-            let last = shape.iter().zip(&strides).try_fold(offset, |last, (&n, &stride)| {
-                (n - 1).checked_mul(stride).and_then(|distance| last.checked_add(distance))
-            });
+            let last = shape
+                .iter()
+                .zip(&strides)
+                .try_fold(offset, |last, (&n, &stride)| {
+                    (n - 1)
+                        .checked_mul(stride)
+                        .and_then(|distance| last.checked_add(distance))
+                });
             if last.is_none_or(|last| last >= available) {
                 return Err(outside());
             }
         }
-        Ok(TensorRef { storage, offset, shape, strides })
+        Ok(TensorRef {
+            storage,
+            offset,
+            shape,
+            strides,
+        })
     }
 
     /// Every element in row-major order, from the storage's bytes; `None` for an integer type.
@@ -151,9 +175,15 @@ impl TensorRef {
         }
         let mut indices = vec![self.offset];
         for (&n, &stride) in self.shape.iter().zip(&self.strides) {
-            indices = indices.iter().flat_map(|&start| (0..n).map(move |i| start + i * stride)).collect();
+            indices = indices
+                .iter()
+                .flat_map(|&start| (0..n).map(move |i| start + i * stride))
+                .collect();
         }
-        indices.iter().map(|&i| self.storage.dtype.element(bytes, i)).collect()
+        indices
+            .iter()
+            .map(|&i| self.storage.dtype.element(bytes, i))
+            .collect()
     }
 }
 
@@ -182,18 +212,38 @@ pub fn storage(heap: &Heap, id: Id) -> Result<StorageRef, Refusal> {
         return Err(wrong(heap.get(id)));
     };
     if tag != "storage" {
-        return Err(Refusal::new("persistent id", "one of a storage", format!("{tag:?}")));
+        return Err(Refusal::new(
+            "persistent id",
+            "one of a storage",
+            format!("{tag:?}"),
+        ));
     }
     if !matches!(view, [] | [Value::None]) {
-        return Err(Refusal::new(format!("storage {key:?}"), "no view of another storage", "one"));
+        return Err(Refusal::new(
+            format!("storage {key:?}"),
+            "no view of another storage",
+            "one",
+        ));
     }
     if key.len() > MAX_KEY {
-        return Err(Refusal::new("storage", format!("a key of at most {MAX_KEY} bytes"), key.len()));
+        return Err(Refusal::new(
+            "storage",
+            format!("a key of at most {MAX_KEY} bytes"),
+            key.len(),
+        ));
     }
-    let storage = StorageRef { key: key.clone(), dtype: *dtype, elements: size(elements)? };
+    let storage = StorageRef {
+        key: key.clone(),
+        dtype: *dtype,
+        elements: size(elements)?,
+    };
     match storage.bytes() {
         Some(_) => Ok(storage),
-        None => Err(Refusal::new(format!("storage {key:?}"), "a length that fits memory", storage.elements)),
+        None => Err(Refusal::new(
+            format!("storage {key:?}"),
+            "a length that fits memory",
+            storage.elements,
+        )),
     }
 }
 
@@ -201,25 +251,52 @@ pub fn storage(heap: &Heap, id: Id) -> Result<StorageRef, Refusal> {
 pub fn call(heap: &Heap, global: &Global, arguments: &[Id]) -> Result<Value, Refusal> {
     if arguments.len() > MAX_ITEMS {
         let expected = format!("at most {MAX_ITEMS} arguments");
-        return Err(Refusal::new(format!("{global:?}"), expected, arguments.len()));
+        return Err(Refusal::new(
+            format!("{global:?}"),
+            expected,
+            arguments.len(),
+        ));
     }
     let values: Vec<&Value> = arguments.iter().map(|&id| heap.get(id)).collect();
     let wrong = |expected: &str| {
         let kinds: Vec<_> = values.iter().map(|value| value.kind()).collect();
-        Err(Refusal::new(format!("{global:?}"), expected, format!("({})", kinds.join(", "))))
+        Err(Refusal::new(
+            format!("{global:?}"),
+            expected,
+            format!("({})", kinds.join(", ")),
+        ))
     };
     match (global, &values[..]) {
         (Global::OrderedDict, []) => Ok(Value::Dict(Vec::new())),
         (
             Global::RebuildTensor,
-            [Value::Storage(storage), offset, Value::Tuple(shape), Value::Tuple(strides), rest @ ..],
+            [
+                Value::Storage(storage),
+                offset,
+                Value::Tuple(shape),
+                Value::Tuple(strides),
+                rest @ ..,
+            ],
         ) if (2..=3).contains(&rest.len()) => {
-            let sizes = |ids: &[Id]| ids.iter().map(|&id| size(heap.get(id))).collect::<Result<Vec<_>, _>>();
-            let tensor = TensorRef::new((**storage).clone(), size(offset)?, sizes(shape)?, sizes(strides)?)?;
+            let sizes = |ids: &[Id]| {
+                ids.iter()
+                    .map(|&id| size(heap.get(id)))
+                    .collect::<Result<Vec<_>, _>>()
+            };
+            let tensor = TensorRef::new(
+                (**storage).clone(),
+                size(offset)?,
+                sizes(shape)?,
+                sizes(strides)?,
+            )?;
             Ok(Value::Tensor(Box::new(tensor)))
         }
-        (Global::RebuildTensor, _) => wrong("(storage, offset, shape, strides, requires_grad, hooks)"),
-        (Global::RebuildParameter, [Value::Tensor(tensor), _, _]) => Ok(Value::Tensor(tensor.clone())),
+        (Global::RebuildTensor, _) => {
+            wrong("(storage, offset, shape, strides, requires_grad, hooks)")
+        }
+        (Global::RebuildParameter, [Value::Tensor(tensor), _, _]) => {
+            Ok(Value::Tensor(tensor.clone()))
+        }
         (Global::RebuildParameter, _) => wrong("(tensor, requires_grad, hooks)"),
         (Global::Size, [Value::Tuple(sizes)]) if sizes.len() <= TensorRef::MAX_DIMENSIONS => {
             Ok(Value::Tuple(sizes.clone()))

@@ -10,8 +10,8 @@ use zip::{CompressionMethod, ZipArchive};
 
 /// The object's values and root, and where the storages are.
 pub fn open(bytes: &[u8]) -> Result<(Heap, Id, Storages<'_>), Refusal> {
-    let archive =
-        ZipArchive::new(Cursor::new(bytes)).map_err(|error| Refusal::new("file", "a zip archive", error))?;
+    let archive = ZipArchive::new(Cursor::new(bytes))
+        .map_err(|error| Refusal::new("file", "a zip archive", error))?;
     if archive.has_duplicate_names() {
         return Err(Refusal::new("zip archive", "every name once", "one twice"));
     }
@@ -21,14 +21,27 @@ pub fn open(bytes: &[u8]) -> Result<(Heap, Id, Storages<'_>), Refusal> {
         .filter(|name| name == "data.pkl" || name.ends_with("/data.pkl"))
         .collect();
     let [name] = &pickles[..] else {
-        return Err(Refusal::new("zip archive", "one entry `data.pkl`", pickles.len()));
+        return Err(Refusal::new(
+            "zip archive",
+            "one entry `data.pkl`",
+            pickles.len(),
+        ));
     };
     let root = name.strip_suffix("data.pkl").unwrap_or_default().to_owned();
-    let mut entries = Entries { archive, root, read: HashMap::new(), left: MAX_BYTES };
+    let mut entries = Entries {
+        archive,
+        root,
+        read: HashMap::new(),
+        left: MAX_BYTES,
+    };
     if let Some(order) = entries.optional("byteorder", 16)?
         && order != b"little"
     {
-        return Err(Refusal::new("byteorder", "little", String::from_utf8_lossy(&order)));
+        return Err(Refusal::new(
+            "byteorder",
+            "little",
+            String::from_utf8_lossy(&order),
+        ));
     }
     let bytes = entries.required("data.pkl", pickle::MAX_BYTES)?;
     let pickle = pickle::read(&bytes)?;
@@ -62,7 +75,11 @@ impl Entries<'_> {
     fn required(&mut self, name: &str, most: usize) -> Result<Vec<u8>, Refusal> {
         match self.optional(name, most)? {
             Some(bytes) => Ok(bytes),
-            None => Err(Refusal::new("zip archive", format!("an entry {name:?}"), "none")),
+            None => Err(Refusal::new(
+                "zip archive",
+                format!("an entry {name:?}"),
+                "none",
+            )),
         }
     }
 
@@ -71,20 +88,44 @@ impl Entries<'_> {
     fn optional(&mut self, name: &str, most: usize) -> Result<Option<Vec<u8>>, Refusal> {
         let full = format!("{}{name}", self.root);
         let place = || format!("zip entry {full:?}");
-        let Some(index) = self.archive.index_for_name(&full) else { return Ok(None) };
-        let unreadable = |error: &dyn ToString| Refusal::new(place(), "readable data", error.to_string());
-        let entry = self.archive.by_index(index).map_err(|error| unreadable(&error))?;
-        if !matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
-            return Err(Refusal::new(place(), "no compression or deflate", entry.compression()));
+        let Some(index) = self.archive.index_for_name(&full) else {
+            return Ok(None);
+        };
+        let unreadable =
+            |error: &dyn ToString| Refusal::new(place(), "readable data", error.to_string());
+        let entry = self
+            .archive
+            .by_index(index)
+            .map_err(|error| unreadable(&error))?;
+        if !matches!(
+            entry.compression(),
+            CompressionMethod::Stored | CompressionMethod::Deflated
+        ) {
+            return Err(Refusal::new(
+                place(),
+                "no compression or deflate",
+                entry.compression(),
+            ));
         }
         let most = self.left.min(most as u64);
         if entry.size() > most {
-            return Err(Refusal::new(place(), format!("at most {most} bytes"), entry.size()));
+            return Err(Refusal::new(
+                place(),
+                format!("at most {most} bytes"),
+                entry.size(),
+            ));
         }
         let mut bytes = Vec::new();
-        entry.take(most + 1).read_to_end(&mut bytes).map_err(|error| unreadable(&error))?;
+        entry
+            .take(most + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|error| unreadable(&error))?;
         if bytes.len() as u64 > most {
-            return Err(Refusal::new(place(), format!("at most {most} bytes"), "more"));
+            return Err(Refusal::new(
+                place(),
+                format!("at most {most} bytes"),
+                "more",
+            ));
         }
         self.left -= bytes.len() as u64;
         Ok(Some(bytes))

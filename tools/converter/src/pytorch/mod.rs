@@ -49,14 +49,23 @@ impl StateDict {
     /// # Errors
     /// If the file cannot be read or is none of these.
     pub fn read(path: &Path) -> Result<StateDict, Error> {
-        let bytes =
-            crate::convert::read(path).map_err(|error| Error::Unreadable { path: path.into(), error })?;
+        let bytes = crate::convert::read(path).map_err(|error| Error::Unreadable {
+            path: path.into(),
+            error,
+        })?;
         let refused = |found: &dyn ToString| Error::Refused {
             path: path.into(),
-            refusal: Refusal::new("file", "a weights file or a checkpoint of the trainer", found.to_string()),
+            refusal: Refusal::new(
+                "file",
+                "a weights file or a checkpoint of the trainer",
+                found.to_string(),
+            ),
         };
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| refused(&error))?;
-        let folded = header.metadata().as_ref().is_some_and(|metadata| metadata.contains_key("track-cpu"));
+        let folded = header
+            .metadata()
+            .as_ref()
+            .is_some_and(|metadata| metadata.contains_key("track-cpu"));
         Ok(if folded {
             StateDict::of_weights(&Weights::read(path)?)
         } else {
@@ -69,29 +78,55 @@ impl StateDict {
     /// Expects weights that passed [`Weights::check`].
     pub fn of_weights(weights: &Weights) -> StateDict {
         let architecture = &weights.header.architecture;
-        let mut tensors: BTreeMap<String, Tensor> =
-            weights.tensors().map(|(name, tensor)| (name.to_owned(), tensor.clone())).collect();
+        let mut tensors: BTreeMap<String, Tensor> = weights
+            .tensors()
+            .map(|(name, tensor)| (name.to_owned(), tensor.clone()))
+            .collect();
         for layer in convolutions(architecture).iter().filter(|layer| layer.bn) {
-            let parts = [("scale", 1.0), ("shift", 0.0), ("mean", 0.0), ("variance", IDENTITY_VARIANCE)];
+            let parts = [
+                ("scale", 1.0),
+                ("shift", 0.0),
+                ("mean", 0.0),
+                ("variance", IDENTITY_VARIANCE),
+            ];
             for (part, value) in parts {
                 let shape = vec![layer.out_channels];
-                let tensor = Tensor { shape, data: vec![value; layer.out_channels] };
+                let tensor = Tensor {
+                    shape,
+                    data: vec![value; layer.out_channels],
+                };
                 tensors.insert(format!("{}.bn.{part}", layer.name), tensor);
             }
         }
         for (name, value) in names::SCALARS.into_iter().zip([1.0, 0.0]) {
-            tensors.insert(name.to_owned(), Tensor { shape: Vec::new(), data: vec![value] });
+            tensors.insert(
+                name.to_owned(),
+                Tensor {
+                    shape: Vec::new(),
+                    data: vec![value],
+                },
+            );
         }
         let entries = entries(architecture, tensors, &weights.header.input);
-        StateDict { entries, folded: true }
+        StateDict {
+            entries,
+            folded: true,
+        }
     }
 
     /// A network as it is trained, tensor by tensor.
     ///
     /// Expects one that passed [`Unfolded::check`].
     pub fn of_unfolded(unfolded: &Unfolded) -> StateDict {
-        let entries = entries(&unfolded.architecture, unfolded.tensors.clone(), &unfolded.input);
-        StateDict { entries, folded: false }
+        let entries = entries(
+            &unfolded.architecture,
+            unfolded.tensors.clone(),
+            &unfolded.input,
+        );
+        StateDict {
+            entries,
+            folded: false,
+        }
     }
 }
 
@@ -107,7 +142,9 @@ fn entries(
         layers: encoder.layers,
     });
     let mut take = |name: &str| {
-        tensors.remove(name).unwrap_or_else(|| panic!("a complete network has {name}")) // checked by the callers
+        tensors
+            .remove(name)
+            .unwrap_or_else(|| panic!("a complete network has {name}")) // checked by the callers
     };
     let mut entries = Vec::new();
     for layer in convolutions(architecture) {
@@ -121,8 +158,16 @@ fn entries(
             values.extend(names::OUR_BATCH_NORM.map(|part| take(&ours(part)).data));
         }
         let [outputs, rows, columns, inputs] = layer.weight_shape();
-        for (i, (name, values)) in parameters(&layer, encoder).into_iter().zip(values).enumerate() {
-            let shape = if i == 0 { vec![outputs, inputs, rows, columns] } else { vec![outputs] };
+        for (i, (name, values)) in parameters(&layer, encoder)
+            .into_iter()
+            .zip(values)
+            .enumerate()
+        {
+            let shape = if i == 0 {
+                vec![outputs, inputs, rows, columns]
+            } else {
+                vec![outputs]
+            };
             entries.push((name, shape, Values::F32(values)));
         }
         if layer.bn {
@@ -130,7 +175,9 @@ fn entries(
             entries.push((name, Vec::new(), Values::I64(0)));
         }
     }
-    entries.extend(names::SCALARS.map(|name| (name.to_owned(), Vec::new(), Values::F32(take(name).data))));
+    entries.extend(
+        names::SCALARS.map(|name| (name.to_owned(), Vec::new(), Values::F32(take(name).data))),
+    );
     entries
 }
 
@@ -139,6 +186,8 @@ fn oihw(weight: &[f32], layer: &Layer) -> Vec<f32> {
     let (channels, area) = (layer.in_channels, layer.kernel * layer.kernel);
     weight
         .chunks_exact(channels * area)
-        .flat_map(|output| (0..channels * area).map(move |i| output[i % area * channels + i / area]))
+        .flat_map(|output| {
+            (0..channels * area).map(move |i| output[i % area * channels + i / area])
+        })
         .collect()
 }

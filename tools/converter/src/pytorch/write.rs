@@ -17,7 +17,10 @@ const ROOT: &str = "archive";
 impl Values {
     fn bytes(&self) -> Vec<u8> {
         match self {
-            Values::F32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Values::F32(values) => values
+                .iter()
+                .flat_map(|value| value.to_le_bytes())
+                .collect(),
             Values::I64(value) => value.to_le_bytes().to_vec(),
         }
     }
@@ -30,8 +33,14 @@ impl StateDict {
     /// # Errors
     /// If the file system refuses.
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let safetensors = path.extension().is_some_and(|extension| extension == "safetensors");
-        let bytes = if safetensors { self.to_safetensors() } else { self.to_archive() };
+        let safetensors = path
+            .extension()
+            .is_some_and(|extension| extension == "safetensors");
+        let bytes = if safetensors {
+            self.to_safetensors()
+        } else {
+            self.to_archive()
+        };
         let written = bytes.and_then(|bytes| {
             let mut name = std::ffi::OsString::from(".");
             name.push(path.file_name().unwrap_or_default());
@@ -47,8 +56,12 @@ impl StateDict {
             }
             written
         });
-        written
-            .map_err(|error| Error::Unwritable(weights_format::WriteError::Io { path: path.into(), error }))
+        written.map_err(|error| {
+            Error::Unwritable(weights_format::WriteError::Io {
+                path: path.into(),
+                error,
+            })
+        })
     }
 
     /// The archive: the pickle, what torch wants beside it, and a storage per tensor.
@@ -77,17 +90,27 @@ impl StateDict {
     }
 
     fn to_safetensors(&self) -> io::Result<Vec<u8>> {
-        let bytes: Vec<Vec<u8>> = self.entries.iter().map(|(_, _, values)| values.bytes()).collect();
+        let bytes: Vec<Vec<u8>> = self
+            .entries
+            .iter()
+            .map(|(_, _, values)| values.bytes())
+            .collect();
         let views: Result<Vec<_>, _> = self
             .entries
             .iter()
             .zip(&bytes)
             .map(|((name, shape, values), bytes)| {
-                let dtype = if matches!(values, Values::F32(_)) { Dtype::F32 } else { Dtype::I64 };
+                let dtype = if matches!(values, Values::F32(_)) {
+                    Dtype::F32
+                } else {
+                    Dtype::I64
+                };
                 Ok((name.clone(), TensorView::new(dtype, shape.clone(), bytes)?))
             })
             .collect();
         let metadata = HashMap::from([("format".to_owned(), "pt".to_owned())]);
-        views.and_then(|views| safetensors::serialize(views, Some(metadata))).map_err(io::Error::other)
+        views
+            .and_then(|views| safetensors::serialize(views, Some(metadata)))
+            .map_err(io::Error::other)
     }
 }

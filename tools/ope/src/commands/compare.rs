@@ -11,21 +11,41 @@ use std::fs;
 fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
     let mut notes = Notes::default();
     let annotations = super::truth(&args.truth, &mut notes)?;
-    let opened: Result<Vec<Results>, Error> =
-        args.results.iter().map(|folder| Results::open(folder)).collect();
+    let opened: Result<Vec<Results>, Error> = args
+        .results
+        .iter()
+        .map(|folder| Results::open(folder))
+        .collect();
     let attributes = match (args.truth.dataset, &args.truth.root) {
-        (Some(set), Some(root)) if args.truth.four_starts => starts::attributes(set.attributes(root)?),
+        (Some(set), Some(root)) if args.truth.four_starts => {
+            starts::attributes(set.attributes(root)?)
+        }
         (Some(set), Some(root)) => set.attributes(root)?,
         _ => Default::default(),
     };
-    let missing = if args.partial { Missing::Skip } else { Missing::Refuse };
+    let missing = if args.partial {
+        Missing::Skip
+    } else {
+        Missing::Refuse
+    };
     let rule = args.convention.convention();
-    let mut comparison = Comparison::read(&annotations, &opened?, rule, missing, attributes, &mut notes)?;
+    let mut comparison = Comparison::read(
+        &annotations,
+        &opened?,
+        rule,
+        missing,
+        attributes,
+        &mut notes,
+    )?;
     if !args.names.is_empty() {
         let (given, wanted) = (args.names.len(), comparison.trackers.len());
         if given != wanted {
             let expected = format!("{wanted} names, one per folder of results");
-            return Err(Error::Option { option: "--names", expected, found: given.to_string() });
+            return Err(Error::Option {
+                option: "--names",
+                expected,
+                found: given.to_string(),
+            });
         }
         let pairs = comparison.trackers.iter_mut().zip(&args.names);
         pairs.for_each(|(tracker, name)| tracker.tracker.clone_from(name));
@@ -46,7 +66,8 @@ pub fn compare(args: &CompareArgs) -> Result<(), Error> {
     if let Some(folder) = &args.out {
         fs::create_dir_all(folder).map_err(Error::unwritable(folder))?;
         for (file, plot) in plots {
-            plot.map(|plot| results::write_whole(&folder.join(file), &plot)).transpose()?;
+            plot.map(|plot| results::write_whole(&folder.join(file), &plot))
+                .transpose()?;
         }
     }
     super::print(&tables(&comparison))
@@ -72,7 +93,11 @@ pub fn report(args: &ReportArgs) -> Result<(), Error> {
 }
 
 fn tables(comparison: &Comparison) -> String {
-    let names: Vec<&str> = comparison.trackers.iter().map(|t| t.tracker.as_str()).collect();
+    let names: Vec<&str> = comparison
+        .trackers
+        .iter()
+        .map(|t| t.tracker.as_str())
+        .collect();
     let mut table = Table::new([
         "tracker",
         "precision@20",
@@ -91,8 +116,16 @@ fn tables(comparison: &Comparison) -> String {
     }
     let mut text = format!("rule {}\n{table}", comparison.convention.name());
     let cells = |pairs: &[Pair]| -> Vec<String> {
-        let deltas = pairs.iter().skip(1).map(|p| format!("{:+.1}", p.auc - pairs[0].auc));
-        pairs.iter().take(1).map(|p| format!("{:.1}", p.auc)).chain(deltas).collect()
+        let deltas = pairs
+            .iter()
+            .skip(1)
+            .map(|p| format!("{:+.1}", p.auc - pairs[0].auc));
+        pairs
+            .iter()
+            .take(1)
+            .map(|p| format!("{:.1}", p.auc))
+            .chain(deltas)
+            .collect()
     };
     let header = |first: &str| {
         let mut table = Table::new([first]);
@@ -103,7 +136,11 @@ fn tables(comparison: &Comparison) -> String {
     if !attributes.is_empty() {
         let mut table = header("AUC per attribute, then differences to the first");
         attributes.iter().for_each(|(name, count, pairs)| {
-            table.row([format!("{name} ({count})")].into_iter().chain(cells(pairs)));
+            table.row(
+                [format!("{name} ({count})")]
+                    .into_iter()
+                    .chain(cells(pairs)),
+            );
         });
         text += &format!("\n{table}");
     }

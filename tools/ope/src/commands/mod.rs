@@ -16,7 +16,9 @@ use std::process::ExitCode;
 /// Says on standard error what happened and picks the exit code.
 pub fn exit(error: &Error) -> ExitCode {
     match error {
-        Error::Unwritable { error, .. } if error.kind() == ErrorKind::BrokenPipe => return ExitCode::SUCCESS,
+        Error::Unwritable { error, .. } if error.kind() == ErrorKind::BrokenPipe => {
+            return ExitCode::SUCCESS;
+        }
         _ => eprintln!("error: {error}"),
     }
     match error {
@@ -27,7 +29,9 @@ pub fn exit(error: &Error) -> ExitCode {
 
 /// Writes to standard output.
 fn print(text: &str) -> Result<(), Error> {
-    std::io::stdout().write_all(text.as_bytes()).map_err(Error::unwritable(Path::new("standard output")))
+    std::io::stdout()
+        .write_all(text.as_bytes())
+        .map_err(Error::unwritable(Path::new("standard output")))
 }
 
 /// The annotations meant, by name.
@@ -41,14 +45,22 @@ fn truth(args: &TruthArgs, notes: &mut Notes) -> Result<Vec<Annotation>, Error> 
             found: "neither".into(),
         }),
     }?;
-    Ok(if args.four_starts { starts::annotations(whole) } else { whole })
+    Ok(if args.four_starts {
+        starts::annotations(whole)
+    } else {
+        whole
+    })
 }
 
 /// A tracker's name that is to be a folder's.
 fn folder_name(name: &str) -> Result<&str, Error> {
     if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
         let expected = "a name for a folder".to_owned();
-        return Err(Error::Option { option: "--name", expected, found: format!("{name:?}") });
+        return Err(Error::Option {
+            option: "--name",
+            expected,
+            found: format!("{name:?}"),
+        });
     }
     Ok(name)
 }

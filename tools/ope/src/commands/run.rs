@@ -19,7 +19,13 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
     let (runner, name) = match (&args.tracker, &args.model) {
         (Some(program), _) => {
             let timeout = args.timeout.unwrap_or(program.timeout);
-            (Runner::Program(Program { timeout, ..program.clone() }), program.line.name())
+            (
+                Runner::Program(Program {
+                    timeout,
+                    ..program.clone()
+                }),
+                program.line.name(),
+            )
         }
         (None, name) => {
             let model = Model::from_weights(&Model::find(name.as_deref())?, Isa::detect())?;
@@ -30,10 +36,14 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
     let folder = args.out.join(dataset.name()).join(name);
     let cores = || thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let jobs = args.jobs.unwrap_or_else(cores);
-    let ran = ope::run::run(&sequences, args.shard, &runner, &folder, jobs, &|line| eprintln!("{line}"))?;
+    let ran = ope::run::run(&sequences, args.shard, &runner, &folder, jobs, &|line| {
+        eprintln!("{line}")
+    })?;
     eprintln!("{ran} sequences run, results in {}", folder.display());
     if ran > 0 && jobs.get() > 1 {
-        eprintln!("note: {jobs} sequences ran at a time, which slows each: for times to quote, use --jobs 1");
+        eprintln!(
+            "note: {jobs} sequences ran at a time, which slows each: for times to quote, use --jobs 1"
+        );
     }
     Ok(())
 }

@@ -9,13 +9,21 @@ use serde_json::{Value, json};
 /// Scores one folder of results.
 pub fn run(args: &ScoreArgs) -> Result<(), Error> {
     let results = Results::open(&args.results)?;
-    let missing = if args.partial { Missing::Skip } else { Missing::Refuse };
+    let missing = if args.partial {
+        Missing::Skip
+    } else {
+        Missing::Refuse
+    };
     let mut notes = Notes::default();
     let annotations = super::truth(&args.truth, &mut notes)?;
     let evaluation = Evaluation::read(&annotations, &results, missing, &mut notes)?;
     let scores = evaluation.scores(args.convention.conventions(), &mut notes)?;
     eprint!("{notes}");
-    let text = if args.json { json(args, &evaluation, &scores) } else { text(args, &evaluation, &scores) };
+    let text = if args.json {
+        json(args, &evaluation, &scores)
+    } else {
+        text(args, &evaluation, &scores)
+    };
     super::print(&text)
 }
 
@@ -31,19 +39,36 @@ fn json(args: &ScoreArgs, evaluation: &Evaluation, scores: &[Score]) -> String {
         object
     };
     let value: Value = match args.convention {
-        Rule::All => scores.iter().map(|score| (score.convention.to_owned(), object(score))).collect(),
+        Rule::All => scores
+            .iter()
+            .map(|score| (score.convention.to_owned(), object(score)))
+            .collect(),
         _ => object(&scores[0]),
     };
     format!("{value:#}\n")
 }
 
 fn text(args: &ScoreArgs, evaluation: &Evaluation, scores: &[Score]) -> String {
-    let mut table =
-        Table::new(["rule", "precision@20", "AUC", "norm. precision", "success@0.5", "sequences"]);
+    let mut table = Table::new([
+        "rule",
+        "precision@20",
+        "AUC",
+        "norm. precision",
+        "success@0.5",
+        "sequences",
+    ]);
     for s in scores {
-        let percent = [s.precision, s.auc, s.norm_precision, s.success_rate].map(|v| format!("{v:.2}"));
+        let percent =
+            [s.precision, s.auc, s.norm_precision, s.success_rate].map(|v| format!("{v:.2}"));
         let [precision, auc, norm, rate] = percent;
-        table.row([s.convention.to_owned(), precision, auc, norm, rate, s.sequences.to_string()]);
+        table.row([
+            s.convention.to_owned(),
+            precision,
+            auc,
+            norm,
+            rate,
+            s.sequences.to_string(),
+        ]);
     }
     let mut text = format!("{}\n{table}", evaluation.tracker);
     if let Some(speed) = &evaluation.speed {

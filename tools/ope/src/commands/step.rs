@@ -19,17 +19,28 @@ pub fn run(args: &StepArgs) -> Result<(), Error> {
         eprintln!("{} of {}: {name}", i + 1, sequences.len());
         all.push((name, steps(&model, sequence)?));
     }
-    let stepped: Vec<_> = all.iter().map(|(_, steps)| *steps).filter(|steps| steps.frames > 0).collect();
-    let share = |part: fn(&Steps) -> f64| stepped.iter().map(part).sum::<f64>() / stepped.len().max(1) as f64;
+    let stepped: Vec<_> = all
+        .iter()
+        .map(|(_, steps)| *steps)
+        .filter(|steps| steps.frames > 0)
+        .collect();
+    let share = |part: fn(&Steps) -> f64| {
+        stepped.iter().map(part).sum::<f64>() / stepped.len().max(1) as f64
+    };
     let mean = Steps {
         frames: stepped.iter().map(|s| s.frames).sum(),
         found: share(|s| s.found),
         iou: share(|s| s.iou),
     };
     if args.json {
-        let per_sequence: Value =
-            all.iter().map(|(name, steps)| json!({"sequence": name, "steps": steps})).collect();
-        return super::print(&format!("{:#}\n", json!({"mean": mean, "per_sequence": per_sequence})));
+        let per_sequence: Value = all
+            .iter()
+            .map(|(name, steps)| json!({"sequence": name, "steps": steps}))
+            .collect();
+        return super::print(&format!(
+            "{:#}\n",
+            json!({"mean": mean, "per_sequence": per_sequence})
+        ));
     }
     let mut table = Table::new(["sequence", "frames", "found", "mean IoU"]);
     let mut row = |name: &str, s: &Steps| {

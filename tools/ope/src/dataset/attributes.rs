@@ -62,11 +62,17 @@ pub fn read(dataset: Dataset, tree: &Tree) -> Result<Attributes, Error> {
     };
     let mut attributes = Attributes::new();
     for path in &tree.texts {
-        let Some(sequence) = flagged(path) else { continue };
+        let Some(sequence) = flagged(path) else {
+            continue;
+        };
         let flags = text::read_all_numbers(path)?;
         if flags.len() != names.len() {
             let found = format!("{} flags", flags.len());
-            return Err(Error::content(path, format!("{} flags of {}", names.len(), dataset.name()), found));
+            return Err(Error::content(
+                path,
+                format!("{} flags of {}", names.len(), dataset.name()),
+                found,
+            ));
         }
         for (name, _) in names.iter().zip(flags).filter(|(_, flag)| *flag > 0.0) {
             let sequences = attributes.entry((*name).to_owned()).or_default();
@@ -82,7 +88,11 @@ pub fn read(dataset: Dataset, tree: &Tree) -> Result<Attributes, Error> {
 fn flagged(path: &Path) -> Option<String> {
     let file = file_name(path);
     let stem = file.strip_suffix(".txt")?;
-    let marked = stem.strip_suffix("_att").or_else(|| stem.strip_suffix("_attr"));
-    let in_folder = path.parent().is_some_and(|p| ["att", "attributes"].contains(&&*file_name(p)));
+    let marked = stem
+        .strip_suffix("_att")
+        .or_else(|| stem.strip_suffix("_attr"));
+    let in_folder = path
+        .parent()
+        .is_some_and(|p| ["att", "attributes"].contains(&&*file_name(p)));
     marked.or(in_folder.then_some(stem)).map(str::to_owned)
 }

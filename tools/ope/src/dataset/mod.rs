@@ -146,7 +146,11 @@ impl Dataset {
             }
         }
         if sequences.is_empty() {
-            return Err(Error::content(root, format!("pictures of {}", self.name()), "none"));
+            return Err(Error::content(
+                root,
+                format!("pictures of {}", self.name()),
+                "none",
+            ));
         }
         Ok(sequences)
     }
@@ -159,40 +163,77 @@ impl Dataset {
         attributes::read(self, &Tree::read(root)?)
     }
 
-    fn read_annotations(self, root: &Path, tree: &Tree, notes: &mut Notes) -> Result<Vec<Annotation>, Error> {
+    fn read_annotations(
+        self,
+        root: &Path,
+        tree: &Tree,
+        notes: &mut Notes,
+    ) -> Result<Vec<Annotation>, Error> {
         let mut read = Vec::new();
         for (name, path) in self.annotation_files(root, tree)? {
             let boxes = text::read_boxes(&path)?;
             let present = self.present(&path, boxes.len())?;
             let scale = annotations::scale_beside(&path)?;
-            read.push(Annotation { name, boxes, present, scale });
+            read.push(Annotation {
+                name,
+                boxes,
+                present,
+                scale,
+            });
         }
         if let Some(expected) = self.sequences().filter(|expected| *expected != read.len()) {
-            notes.add(format!("{} has {expected} sequences, {} are here", self.name(), read.len()));
+            notes.add(format!(
+                "{} has {expected} sequences, {} are here",
+                self.name(),
+                read.len()
+            ));
         }
         Ok(read)
     }
 
     /// Every sequence's annotation.
-    fn annotation_files(self, root: &Path, tree: &Tree) -> Result<BTreeMap<String, PathBuf>, Error> {
+    fn annotation_files(
+        self,
+        root: &Path,
+        tree: &Tree,
+    ) -> Result<BTreeMap<String, PathBuf>, Error> {
         let mut files: BTreeMap<String, PathBuf> = BTreeMap::new();
-        for path in tree.texts.iter().filter(|path| self.is_annotation(path, tree)) {
-            let name = if self.is_beside() { name_beside(path) } else { annotations::sequence_name(path) };
+        for path in tree
+            .texts
+            .iter()
+            .filter(|path| self.is_annotation(path, tree))
+        {
+            let name = if self.is_beside() {
+                name_beside(path)
+            } else {
+                annotations::sequence_name(path)
+            };
             let Some(name) = name else { continue };
             if let Some(other) = files.insert(name.clone(), path.clone()) {
                 let found = format!("{} and {}", other.display(), path.display());
-                return Err(Error::content(root, format!("one annotation of {name}"), found));
+                return Err(Error::content(
+                    root,
+                    format!("one annotation of {name}"),
+                    found,
+                ));
             }
         }
         if files.is_empty() {
-            return Err(Error::content(root, format!("annotations of {}", self.name()), "none"));
+            return Err(Error::content(
+                root,
+                format!("annotations of {}", self.name()),
+                "none",
+            ));
         }
         Ok(files)
     }
 
     /// Whether annotations lie beside the pictures.
     fn is_beside(self) -> bool {
-        matches!(self, Dataset::Dtb70 | Dataset::Otb100 | Dataset::Got10k | Dataset::Lasot | Dataset::Folder)
+        matches!(
+            self,
+            Dataset::Dtb70 | Dataset::Otb100 | Dataset::Got10k | Dataset::Lasot | Dataset::Folder
+        )
     }
 
     /// Whether a text file holds a sequence's boxes.
@@ -205,9 +246,15 @@ impl Dataset {
         match self {
             Dataset::Uav123 | Dataset::Uav123At10Fps | Dataset::Uav20l => {
                 let named = tree.has_texts_in(self.name());
-                if named { is_parent(self.name()) } else { is_parent("anno") }
+                if named {
+                    is_parent(self.name())
+                } else {
+                    is_parent("anno")
+                }
             }
-            Dataset::Visdrone if !tree.has_texts_in("annotations") && !tree.has_texts_in("anno") => {
+            Dataset::Visdrone
+                if !tree.has_texts_in("annotations") && !tree.has_texts_in("anno") =>
+            {
                 is_parent("initialization")
             }
             _ => is_parent("anno") || is_parent("annotations"),
@@ -229,10 +276,17 @@ impl Dataset {
             }
             let flags = text::read_all_numbers(&path)?;
             if flags.len() != frames {
-                return Err(Error::content(&path, format!("{frames} flags, one per frame"), flags.len()));
+                return Err(Error::content(
+                    &path,
+                    format!("{frames} flags, one per frame"),
+                    flags.len(),
+                ));
             }
             let present = present.get_or_insert_with(|| vec![true; frames]);
-            present.iter_mut().zip(flags).for_each(|(present, absent)| *present &= absent == 0.0);
+            present
+                .iter_mut()
+                .zip(flags)
+                .for_each(|(present, absent)| *present &= absent == 0.0);
         }
         Ok(present)
     }
@@ -245,10 +299,15 @@ impl FromStr for Dataset {
     fn from_str(text: &str) -> Result<Dataset, String> {
         let name = text.replace('@', "_");
         let is = |dataset: &Dataset| {
-            [dataset.option(), dataset.name()].iter().any(|n| name.eq_ignore_ascii_case(n))
+            [dataset.option(), dataset.name()]
+                .iter()
+                .any(|n| name.eq_ignore_ascii_case(n))
         };
         let all = || Dataset::ALL.map(Dataset::option).join(", ");
-        Dataset::ALL.into_iter().find(is).ok_or_else(|| format!("expected one of {}, found {text:?}", all()))
+        Dataset::ALL
+            .into_iter()
+            .find(is)
+            .ok_or_else(|| format!("expected one of {}, found {text:?}", all()))
     }
 }
 
@@ -256,21 +315,34 @@ impl FromStr for Dataset {
 fn name_beside(path: &Path) -> Option<String> {
     let folder = path.parent().map(file_name)?;
     let stem = file_name(path);
-    let target = stem.strip_suffix(".txt")?.rsplit_once('.').map(|(_, target)| target.to_owned());
+    let target = stem
+        .strip_suffix(".txt")?
+        .rsplit_once('.')
+        .map(|(_, target)| target.to_owned());
     Some(target.map_or(folder.clone(), |target| format!("{folder}.{target}")))
 }
 
 /// As many frames as boxes; a single box stands for a sequence whose other boxes are not public.
-fn matched(mut annotation: Annotation, mut frames: Vec<PathBuf>, notes: &mut Notes) -> Option<Sequence> {
+fn matched(
+    mut annotation: Annotation,
+    mut frames: Vec<PathBuf>,
+    notes: &mut Notes,
+) -> Option<Sequence> {
     let (name, boxes) = (&annotation.name, annotation.boxes.len());
     if frames.is_empty() {
         notes.add(format!("{name}: left out: no frame of it"));
         return None;
     }
     if boxes == 1 && frames.len() > 1 {
-        notes.add(format!("{name}: only the first of {} frames is annotated", frames.len()));
+        notes.add(format!(
+            "{name}: only the first of {} frames is annotated",
+            frames.len()
+        ));
     } else if boxes != frames.len() {
-        notes.add(format!("{name}: {} frames and {boxes} boxes: the shorter counts", frames.len()));
+        notes.add(format!(
+            "{name}: {} frames and {boxes} boxes: the shorter counts",
+            frames.len()
+        ));
         frames.truncate(boxes);
         annotation.boxes.truncate(frames.len());
     }

@@ -34,15 +34,28 @@ pub fn part(dataset: Dataset, sequence: &str) -> Option<Part> {
         Dataset::Uav123At10Fps => (UAV123, 4),
         Dataset::Uav20l => (UAV20L, 2),
         Dataset::Otb100 => {
-            let row = OTB.iter().find(|row| row.0.eq_ignore_ascii_case(sequence))?;
-            return Some(Part { video: row.0, first: row.1, last: row.2 });
+            let row = OTB
+                .iter()
+                .find(|row| row.0.eq_ignore_ascii_case(sequence))?;
+            return Some(Part {
+                video: row.0,
+                first: row.1,
+                last: row.2,
+            });
         }
         _ => return None,
     };
-    let row = table.lines().skip(1).find(|line| line.split(',').next() == Some(sequence))?;
+    let row = table
+        .lines()
+        .skip(1)
+        .find(|line| line.split(',').next() == Some(sequence))?;
     let fields: Vec<&str> = row.split(',').collect();
     let number = |i: usize| fields.get(i)?.trim().parse().ok();
-    Some(Part { video: fields.get(1)?, first: number(column)?, last: number(column + 1)? })
+    Some(Part {
+        video: fields.get(1)?,
+        first: number(column)?,
+        last: number(column + 1)?,
+    })
 }
 
 #[cfg(test)]
@@ -50,10 +63,20 @@ mod tests {
     use super::*;
 
     fn frames(table: &str, dataset: Dataset) -> (usize, usize) {
-        let names = table.lines().skip(1).filter_map(|line| line.split(',').next());
+        let names = table
+            .lines()
+            .skip(1)
+            .filter_map(|line| line.split(',').next());
         let parts: Vec<Part> = names.map(|name| part(dataset, name).unwrap()).collect();
-        assert!(parts.iter().all(|part| part.first >= 1 && part.last >= part.first));
-        (parts.len(), parts.iter().map(|part| part.last - part.first + 1).sum())
+        assert!(
+            parts
+                .iter()
+                .all(|part| part.first >= 1 && part.last >= part.first)
+        );
+        (
+            parts.len(),
+            parts.iter().map(|part| part.last - part.first + 1).sum(),
+        )
     }
 
     #[test]
@@ -65,9 +88,15 @@ mod tests {
 
     #[test]
     fn ten_frames_per_second_by_the_formula() {
-        for name in UAV123.lines().skip(1).filter_map(|line| line.split(',').next()) {
-            let (all, tenth) =
-                (part(Dataset::Uav123, name).unwrap(), part(Dataset::Uav123At10Fps, name).unwrap());
+        for name in UAV123
+            .lines()
+            .skip(1)
+            .filter_map(|line| line.split(',').next())
+        {
+            let (all, tenth) = (
+                part(Dataset::Uav123, name).unwrap(),
+                part(Dataset::Uav123At10Fps, name).unwrap(),
+            );
             assert_eq!(tenth.first, (all.first - 1) / 3 + 1, "{name}");
             assert_eq!(tenth.last, (all.last - 1) / 3 + 1, "{name}");
         }

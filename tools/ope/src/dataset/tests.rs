@@ -17,7 +17,13 @@ fn six(i: usize) -> String {
 fn load(dataset: Dataset, root: &Path) -> (Vec<(String, usize, String)>, Notes) {
     let mut notes = Notes::default();
     let sequences = dataset.load(root, &mut notes).unwrap();
-    let summary = |s: &Sequence| (s.annotation.name.clone(), s.frames.len(), file_name(&s.frames[0]));
+    let summary = |s: &Sequence| {
+        (
+            s.annotation.name.clone(),
+            s.frames.len(),
+            file_name(&s.frames[0]),
+        )
+    };
     (sequences.iter().map(summary).collect(), notes)
 }
 
@@ -37,17 +43,38 @@ fn uav123_in_all_its_rates() {
     boxes(&folder, "UAV123_10fps/anno/UAV123_10fps/bird1_1.txt", 85);
     boxes(&folder, "UAV123_10fps/anno/UAV123_10fps/bird1_2.txt", 42);
     boxes(&folder, "UAV123_10fps/anno/UAV123_10fps/boat5.txt", 10);
-    folder.write("UAV123_10fps/anno/UAV123_10fps/att/boat5.txt", "1,0,0,0,0,0,0,0,0,0,1,0\n");
-    assert_eq!(load(Dataset::Uav123, folder.path()).0, [row("bird1_2", 126, "000775.jpg")]);
-    assert_eq!(load(Dataset::Uav20l, folder.path()).0, [row("bird1", 900, "000001.jpg")]);
+    folder.write(
+        "UAV123_10fps/anno/UAV123_10fps/att/boat5.txt",
+        "1,0,0,0,0,0,0,0,0,0,1,0\n",
+    );
+    assert_eq!(
+        load(Dataset::Uav123, folder.path()).0,
+        [row("bird1_2", 126, "000775.jpg")]
+    );
+    assert_eq!(
+        load(Dataset::Uav20l, folder.path()).0,
+        [row("bird1", 900, "000001.jpg")]
+    );
     let (found, notes) = load(Dataset::Uav123At10Fps, folder.path());
-    let expected =
-        [row("bird1_1", 85, "000001.jpg"), row("bird1_2", 42, "000259.jpg"), row("boat5", 10, "000001.jpg")];
+    let expected = [
+        row("bird1_1", 85, "000001.jpg"),
+        row("bird1_2", 42, "000259.jpg"),
+        row("boat5", 10, "000001.jpg"),
+    ];
     assert_eq!(found, expected);
-    assert_eq!(notes.lines(), ["UAV123_10fps has 123 sequences, 3 are here"]);
+    assert_eq!(
+        notes.lines(),
+        ["UAV123_10fps has 123 sequences, 3 are here"]
+    );
     let attributes = Dataset::Uav123At10Fps.attributes(folder.path()).unwrap();
-    let names: Vec<_> = attributes.iter().map(|(name, of)| (&name[..], &of[0][..])).collect();
-    assert_eq!(names, [("camera motion", "boat5"), ("scale variation", "boat5")]);
+    let names: Vec<_> = attributes
+        .iter()
+        .map(|(name, of)| (&name[..], &of[0][..]))
+        .collect();
+    assert_eq!(
+        names,
+        [("camera motion", "boat5"), ("scale variation", "boat5")]
+    );
 }
 
 #[test]
@@ -60,33 +87,69 @@ fn annotations_beside_pictures() {
     boxes(&folder, "deep/Jogging/groundtruth_rect.2.txt", 3);
     pictures(&folder, "David/img", |i| format!("{i:04}.jpg"), 771);
     boxes(&folder, "David/groundtruth_rect.txt", 471);
-    pictures(&folder, "val/GOT-10k_Val_000001", |i| format!("{i:08}.jpg"), 4);
+    pictures(
+        &folder,
+        "val/GOT-10k_Val_000001",
+        |i| format!("{i:08}.jpg"),
+        4,
+    );
     boxes(&folder, "val/GOT-10k_Val_000001/groundtruth.txt", 4);
-    let beside = [row("GOT-10k_Val_000001", 4, "00000001.jpg"), row("Gull2", 5, "00001.jpg")];
-    let jogging = [row("Jogging.1", 3, "0001.jpg"), row("Jogging.2", 3, "0001.jpg")];
+    let beside = [
+        row("GOT-10k_Val_000001", 4, "00000001.jpg"),
+        row("Gull2", 5, "00001.jpg"),
+    ];
+    let jogging = [
+        row("Jogging.1", 3, "0001.jpg"),
+        row("Jogging.2", 3, "0001.jpg"),
+    ];
     let (found, notes) = load(Dataset::Otb100, folder.path());
     assert_eq!(found[0], row("David", 471, "0300.jpg"));
     assert_eq!((&found[1..3], &found[3..]), (&beside[..], &jogging[..]));
     assert_eq!(notes.count(), 1, "{notes}");
     let (found, notes) = load(Dataset::Folder, folder.path());
     assert_eq!((found[0].1, found.len()), (471, 5));
-    assert!(notes.to_string().contains("David: 771 frames and 471 boxes"), "{notes}");
+    assert!(
+        notes
+            .to_string()
+            .contains("David: 771 frames and 471 boxes"),
+        "{notes}"
+    );
 }
 
 #[test]
 fn uavdt_in_its_own_and_in_repackaged_folders() {
-    for (annotations, images) in
-        [("UAV-benchmark-SOT_v1.0/anno", "UAV-benchmark-S"), ("annotations", "sequences"), ("anno", "seq")]
-    {
+    for (annotations, images) in [
+        ("UAV-benchmark-SOT_v1.0/anno", "UAV-benchmark-S"),
+        ("annotations", "sequences"),
+        ("anno", "seq"),
+    ] {
         let folder = Folder::new("uavdt");
-        pictures(&folder, &format!("{images}/S0101"), |i| format!("img{i:06}.jpg"), 4);
+        pictures(
+            &folder,
+            &format!("{images}/S0101"),
+            |i| format!("img{i:06}.jpg"),
+            4,
+        );
         boxes(&folder, &format!("{annotations}/S0101_gt.txt"), 6);
         boxes(&folder, &format!("{annotations}/S0102_gt.txt"), 6);
-        folder.write("UAV-benchmark-SOT_v1.0/att/S0101_att.txt", "0,1,0,0,0,0,0,0,0\n");
+        folder.write(
+            "UAV-benchmark-SOT_v1.0/att/S0101_att.txt",
+            "0,1,0,0,0,0,0,0,0\n",
+        );
         let (found, notes) = load(Dataset::Uavdt, folder.path());
         assert_eq!(found, [row("S0101", 4, "img000001.jpg")]);
-        assert!(notes.to_string().contains("S0101: 4 frames and 6 boxes: the shorter counts"), "{notes}");
-        assert!(notes.to_string().contains("S0102: left out: no folder S0102"), "{notes}");
+        assert!(
+            notes
+                .to_string()
+                .contains("S0101: 4 frames and 6 boxes: the shorter counts"),
+            "{notes}"
+        );
+        assert!(
+            notes
+                .to_string()
+                .contains("S0102: left out: no folder S0102"),
+            "{notes}"
+        );
         let attributes = Dataset::Uavdt.attributes(folder.path()).unwrap();
         assert_eq!(attributes["camera motion"], ["S0101"]);
     }
@@ -95,16 +158,30 @@ fn uavdt_in_its_own_and_in_repackaged_folders() {
 #[test]
 fn visdrone_with_and_without_its_boxes() {
     let folder = Folder::new("visdrone");
-    pictures(&folder, "set/sequences/uav0_s", |i| format!("img{i:07}.jpg"), 4);
+    pictures(
+        &folder,
+        "set/sequences/uav0_s",
+        |i| format!("img{i:07}.jpg"),
+        4,
+    );
     boxes(&folder, "set/initialization/uav0_s.txt", 1);
     let (found, notes) = load(Dataset::Visdrone, folder.path());
     assert_eq!(found, [row("uav0_s", 4, "img0000001.jpg")]);
-    assert_eq!(notes.lines(), ["uav0_s: only the first of 4 frames is annotated"]);
+    assert_eq!(
+        notes.lines(),
+        ["uav0_s: only the first of 4 frames is annotated"]
+    );
     boxes(&folder, "set/annotations/uav0_s.txt", 4);
-    folder.write("set/attributes/uav0_s_attr.txt", "1,0,0,0,0,0,0,0,0,0,0,0\n");
+    folder.write(
+        "set/attributes/uav0_s_attr.txt",
+        "1,0,0,0,0,0,0,0,0,0,0,0\n",
+    );
     let (found, notes) = load(Dataset::Visdrone, folder.path());
     assert_eq!((found[0].1, notes.count()), (4, 0));
-    assert_eq!(Dataset::Visdrone.attributes(folder.path()).unwrap()["aspect ratio change"], ["uav0_s"]);
+    assert_eq!(
+        Dataset::Visdrone.attributes(folder.path()).unwrap()["aspect ratio change"],
+        ["uav0_s"]
+    );
     folder.write("set/attributes/uav0_s_attr.txt", "1,0\n");
     assert!(Dataset::Visdrone.attributes(folder.path()).is_err());
 }
@@ -112,18 +189,37 @@ fn visdrone_with_and_without_its_boxes() {
 #[test]
 fn lists_of_absent_frames() {
     let folder = Folder::new("absent");
-    pictures(&folder, "airplane/airplane-1/img", |i| format!("{i:08}.jpg"), 3);
+    pictures(
+        &folder,
+        "airplane/airplane-1/img",
+        |i| format!("{i:08}.jpg"),
+        3,
+    );
     boxes(&folder, "airplane/airplane-1/groundtruth.txt", 3);
     folder.write("airplane/airplane-1/full_occlusion.txt", "0,1,0\n");
     folder.write("airplane/airplane-1/out_of_view.txt", "0,0,1\n");
     let read = |dataset: Dataset| dataset.annotations(folder.path(), &mut Notes::default());
-    assert_eq!(read(Dataset::Lasot).unwrap()[0].present, Some(vec![true, false, false]));
-    assert_eq!(load(Dataset::Lasot, folder.path()).0, [row("airplane-1", 3, "00000001.jpg")]);
+    assert_eq!(
+        read(Dataset::Lasot).unwrap()[0].present,
+        Some(vec![true, false, false])
+    );
+    assert_eq!(
+        load(Dataset::Lasot, folder.path()).0,
+        [row("airplane-1", 3, "00000001.jpg")]
+    );
     assert_eq!(read(Dataset::Got10k).unwrap()[0].present, None);
     folder.write("airplane/airplane-1/absence.label", "0\n0\n1\n");
-    assert_eq!(read(Dataset::Got10k).unwrap()[0].present, Some(vec![true, true, false]));
+    assert_eq!(
+        read(Dataset::Got10k).unwrap()[0].present,
+        Some(vec![true, true, false])
+    );
     folder.write("airplane/airplane-1/absence.label", "0\n");
-    assert!(read(Dataset::Got10k).unwrap_err().to_string().contains("expected 3 flags"));
+    assert!(
+        read(Dataset::Got10k)
+            .unwrap_err()
+            .to_string()
+            .contains("expected 3 flags")
+    );
 }
 
 #[test]
@@ -131,16 +227,28 @@ fn nothing_there() {
     let folder = Folder::new("nothing");
     for dataset in Dataset::ALL {
         assert!(dataset.load(folder.path(), &mut Notes::default()).is_err());
-        assert!(dataset.load(&folder.path().join("none"), &mut Notes::default()).is_err());
+        assert!(
+            dataset
+                .load(&folder.path().join("none"), &mut Notes::default())
+                .is_err()
+        );
     }
     boxes(&folder, "a/groundtruth.txt", 3);
-    let error = Dataset::Dtb70.load(folder.path(), &mut Notes::default()).unwrap_err().to_string();
-    assert!(error.ends_with("expected pictures of DTB70, found none"), "{error}");
+    let error = Dataset::Dtb70
+        .load(folder.path(), &mut Notes::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.ends_with("expected pictures of DTB70, found none"),
+        "{error}"
+    );
 }
 
 #[test]
 fn the_development_sequences() {
-    let Some(root) = shared("data/dev_seqs") else { return };
+    let Some(root) = shared("data/dev_seqs") else {
+        return;
+    };
     let mut notes = Notes::default();
     let found = Dataset::Folder.load(&root, &mut notes).unwrap();
     assert_eq!((found.len(), notes.count()), (20, 0), "{notes}");
@@ -155,5 +263,10 @@ fn names_in_every_spelling() {
         assert_eq!(dataset.name().parse(), Ok(dataset));
     }
     assert_eq!("UAV123@10fps".parse(), Ok(Dataset::Uav123At10Fps));
-    assert!("uav".parse::<Dataset>().unwrap_err().contains("uav20l, dtb70"));
+    assert!(
+        "uav"
+            .parse::<Dataset>()
+            .unwrap_err()
+            .contains("uav20l, dtb70")
+    );
 }

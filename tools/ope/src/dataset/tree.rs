@@ -30,9 +30,16 @@ impl Tree {
 
     fn walk(&mut self, folder: &Path, depth: usize) -> Result<(), Error> {
         for path in entries(folder)? {
-            let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+            let ending = path
+                .extension()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .to_ascii_lowercase();
             if PICTURES.contains(&&*ending) {
-                self.pictures.entry(folder.to_path_buf()).or_default().push(path);
+                self.pictures
+                    .entry(folder.to_path_buf())
+                    .or_default()
+                    .push(path);
             } else if ending == "txt" {
                 self.texts.push(path);
             } else if depth < MAX_DEPTH && path.is_dir() {
@@ -44,7 +51,10 @@ impl Tree {
 
     /// Whether texts lie right in a folder of this name.
     pub fn has_texts_in(&self, folder: &str) -> bool {
-        let is_in = |path: &PathBuf| path.parent().is_some_and(|p| file_name(p).eq_ignore_ascii_case(folder));
+        let is_in = |path: &PathBuf| {
+            path.parent()
+                .is_some_and(|p| file_name(p).eq_ignore_ascii_case(folder))
+        };
         self.texts.iter().any(is_in)
     }
 }
@@ -54,9 +64,13 @@ fn natural(name: &str) -> Vec<(String, u64)> {
     let mut parts = Vec::new();
     let mut rest = name;
     while !rest.is_empty() {
-        let words = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let words = rest
+            .find(|c: char| c.is_ascii_digit())
+            .unwrap_or(rest.len());
         let (word, numbers) = rest.split_at(words);
-        let digits = numbers.find(|c: char| !c.is_ascii_digit()).unwrap_or(numbers.len());
+        let digits = numbers
+            .find(|c: char| !c.is_ascii_digit())
+            .unwrap_or(numbers.len());
         let (number, after) = numbers.split_at(digits);
         parts.push((word.to_owned(), number.parse().unwrap_or(u64::MAX)));
         rest = after;
@@ -73,6 +87,9 @@ mod tests {
     fn natural_order() {
         let mut names = ["img10.jpg", "img2.jpg", "img1.jpg", "a.jpg", "img002.jpg"];
         names.sort_by_key(|name| natural(name));
-        assert_eq!(names, ["a.jpg", "img1.jpg", "img002.jpg", "img2.jpg", "img10.jpg"]);
+        assert_eq!(
+            names,
+            ["a.jpg", "img1.jpg", "img002.jpg", "img2.jpg", "img10.jpg"]
+        );
     }
 }

@@ -50,7 +50,9 @@ pub fn failures(
     sequences: &[Sequence],
     count: usize,
 ) -> Result<Vec<Failure>, Error> {
-    let Some(first) = comparison.scores.first() else { return Ok(Vec::new()) };
+    let Some(first) = comparison.scores.first() else {
+        return Ok(Vec::new());
+    };
     let mut order: Vec<_> = first.per_sequence.iter().collect();
     order.sort_by(|a, b| a.1.auc().total_cmp(&b.1.auc()));
     let mut failures = Vec::new();
@@ -58,7 +60,9 @@ pub fn failures(
         if failures.len() == count {
             break;
         }
-        let Some(sequence) = sequences.iter().find(|s| s.annotation.name == *name) else { continue };
+        let Some(sequence) = sequences.iter().find(|s| s.annotation.name == *name) else {
+            continue;
+        };
         if let Some(failure) = failure(comparison, sequence, 100.0 * curves.auc())? {
             failures.push(failure);
         }
@@ -66,21 +70,44 @@ pub fn failures(
     Ok(failures)
 }
 
-fn failure(comparison: &Comparison, sequence: &Sequence, auc: f64) -> Result<Option<Failure>, Error> {
+fn failure(
+    comparison: &Comparison,
+    sequence: &Sequence,
+    auc: f64,
+) -> Result<Option<Failure>, Error> {
     let name = &sequence.annotation.name;
-    let of = |t: usize| comparison.trackers[t].sequences.iter().find(|s| s.annotation.name == *name);
+    let of = |t: usize| {
+        comparison.trackers[t]
+            .sequences
+            .iter()
+            .find(|s| s.annotation.name == *name)
+    };
     let Some(first) = of(0) else { return Ok(None) };
     let judged = comparison.convention.judge(&first.annotation, &first.boxes);
-    let is_lost: Vec<bool> =
-        judged.iter().map(|j| j.is_some_and(|j| j.overlap < LOST && j.error >= 0.0)).collect();
-    let Some((start, lost)) = longest(&is_lost) else { return Ok(None) };
+    let is_lost: Vec<bool> = judged
+        .iter()
+        .map(|j| j.is_some_and(|j| j.overlap < LOST && j.error >= 0.0))
+        .collect();
+    let Some((start, lost)) = longest(&is_lost) else {
+        return Ok(None);
+    };
     let frame = start + lost / 2;
-    let Some(path) = sequence.frames.get(frame) else { return Ok(None) };
-    let unreadable = |reason: String| Error::Sequence { sequence: name.clone(), reason };
+    let Some(path) = sequence.frames.get(frame) else {
+        return Ok(None);
+    };
+    let unreadable = |reason: String| Error::Sequence {
+        sequence: name.clone(),
+        reason,
+    };
     let picture = decode(path).map_err(unreadable)?;
     let (width, height) = (picture.width, picture.height);
-    let jpeg = jpeg(&picture).ok_or_else(|| unreadable(format!("{}: cannot be encoded", path.display())))?;
-    let boxes = |t| of(t).and_then(|s| s.boxes.get(frame).copied()).unwrap_or_default();
+    let jpeg = jpeg(&picture)
+        .ok_or_else(|| unreadable(format!("{}: cannot be encoded", path.display())))?;
+    let boxes = |t| {
+        of(t)
+            .and_then(|s| s.boxes.get(frame).copied())
+            .unwrap_or_default()
+    };
     Ok(Some(Failure {
         sequence: name.clone(),
         frame,
@@ -110,13 +137,18 @@ fn longest(flags: &[bool]) -> Option<(usize, usize)> {
 
 /// The picture, made smaller, as JPEG.
 fn jpeg(picture: &track_cpu::source::Image) -> Option<Vec<u8>> {
-    let bytes = picture.data.chunks_exact(picture.data.len() / (picture.width * picture.height));
+    let bytes = picture
+        .data
+        .chunks_exact(picture.data.len() / (picture.width * picture.height));
     let rgb: Vec<u8> = match picture.order {
         ChannelOrder::Gray => bytes.flat_map(|p| [p[0]; 3]).collect(),
         ChannelOrder::Rgb | ChannelOrder::Rgba => bytes.flat_map(|p| [p[0], p[1], p[2]]).collect(),
         ChannelOrder::Bgr | ChannelOrder::Bgra => bytes.flat_map(|p| [p[2], p[1], p[0]]).collect(),
     };
-    let (width, height) = (u32::try_from(picture.width).ok()?, u32::try_from(picture.height).ok()?);
+    let (width, height) = (
+        u32::try_from(picture.width).ok()?,
+        u32::try_from(picture.height).ok()?,
+    );
     let full = RgbImage::from_raw(width, height, rgb)?;
     let small = match width > WIDTH {
         true => imageops::thumbnail(&full, WIDTH, (height * WIDTH / width).max(1)),
@@ -124,7 +156,14 @@ fn jpeg(picture: &track_cpu::source::Image) -> Option<Vec<u8>> {
     };
     let mut bytes = Vec::new();
     let mut encoder = JpegEncoder::new_with_quality(&mut bytes, QUALITY);
-    encoder.encode(&small, small.width(), small.height(), ExtendedColorType::Rgb8).ok()?;
+    encoder
+        .encode(
+            &small,
+            small.width(),
+            small.height(),
+            ExtendedColorType::Rgb8,
+        )
+        .ok()?;
     Some(bytes)
 }
 
@@ -134,7 +173,10 @@ mod tests {
 
     #[test]
     fn longest_run() {
-        assert_eq!(longest(&[false, true, false, true, true, true, false, true]), Some((3, 3)));
+        assert_eq!(
+            longest(&[false, true, false, true, true, true, false, true]),
+            Some((3, 3))
+        );
         assert_eq!(longest(&[true, true]), Some((0, 2)));
         assert_eq!(longest(&[false]), None);
     }

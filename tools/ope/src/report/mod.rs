@@ -25,15 +25,26 @@ pub fn page(title: &str, comparison: &Comparison, failures: &[Failure]) -> Strin
     );
     html += &summary(comparison);
     html += "<section class=\"plots\">\n";
-    let plots = [Some(comparison.precision_plot()), Some(comparison.success_plot())];
-    for plot in plots.into_iter().chain([comparison.speed_plot(), comparison.attribute_plot()]).flatten() {
+    let plots = [
+        Some(comparison.precision_plot()),
+        Some(comparison.success_plot()),
+    ];
+    for plot in plots
+        .into_iter()
+        .chain([comparison.speed_plot(), comparison.attribute_plot()])
+        .flatten()
+    {
         let _ = writeln!(html, "<figure>{plot}</figure>");
     }
     html += "</section>\n";
     html += &attributes(comparison);
     html += &pictures(comparison, failures);
     html += &sequences_table(comparison);
-    let _ = write!(html, "</main>\n<script>{}</script>\n</body>\n</html>\n", include_str!("page.js"));
+    let _ = write!(
+        html,
+        "</main>\n<script>{}</script>\n</body>\n</html>\n",
+        include_str!("page.js")
+    );
     html
 }
 
@@ -41,7 +52,10 @@ pub fn page(title: &str, comparison: &Comparison, failures: &[Failure]) -> Strin
 fn table(header: &[String], rows: &[Vec<String>]) -> String {
     let mut html = String::from("<div class=\"scroll\"><table class=\"sortable\">\n<thead><tr>");
     for cell in header {
-        let _ = write!(html, "<th scope=\"col\"><button type=\"button\">{cell}</button></th>");
+        let _ = write!(
+            html,
+            "<th scope=\"col\"><button type=\"button\">{cell}</button></th>"
+        );
     }
     html += "</tr></thead>\n<tbody>\n";
     for row in rows {
@@ -53,7 +67,11 @@ fn table(header: &[String], rows: &[Vec<String>]) -> String {
 
 /// A tracker's name with its color.
 fn tracker(comparison: &Comparison, i: usize) -> String {
-    format!("<span style=\"color:{}\">&#9632;</span> {}", color(i), escape(&comparison.trackers[i].tracker))
+    format!(
+        "<span style=\"color:{}\">&#9632;</span> {}",
+        color(i),
+        escape(&comparison.trackers[i].tracker)
+    )
 }
 
 fn summary(comparison: &Comparison) -> String {
@@ -70,7 +88,13 @@ fn summary(comparison: &Comparison) -> String {
         let (score, speed) = (&comparison.scores[i], comparison.trackers[i].speed);
         let mut row = vec![tracker(comparison, i)];
         row.extend(
-            [score.precision, score.auc, score.norm_precision, score.success_rate].map(|v| format!("{v:.2}")),
+            [
+                score.precision,
+                score.auc,
+                score.norm_precision,
+                score.success_rate,
+            ]
+            .map(|v| format!("{v:.2}")),
         );
         let rates = speed.map(|s| [s.mean_of_rates, s.frames_per_time].map(|v| format!("{v:.1}")));
         row.extend(rates.unwrap_or_else(|| ["–", "–"].map(str::to_owned)));
@@ -97,11 +121,19 @@ fn attributes(comparison: &Comparison) -> String {
     }
     let row = |(name, count, pairs): &(String, usize, Vec<crate::compare::Pair>)| {
         let mut row = vec![escape(name), count.to_string()];
-        row.extend(pairs.iter().flat_map(|p| [p.precision, p.auc]).map(|v| format!("{v:.1}")));
+        row.extend(
+            pairs
+                .iter()
+                .flat_map(|p| [p.precision, p.auc])
+                .map(|v| format!("{v:.1}")),
+        );
         row
     };
     let rows: Vec<_> = rows.iter().map(row).collect();
-    format!("<h2>Attributes</h2>\n{}", table(&columns(comparison, &["attribute", "sequences"]), &rows))
+    format!(
+        "<h2>Attributes</h2>\n{}",
+        table(&columns(comparison, &["attribute", "sequences"]), &rows)
+    )
 }
 
 fn sequences_table(comparison: &Comparison) -> String {
@@ -110,19 +142,34 @@ fn sequences_table(comparison: &Comparison) -> String {
     header.extend(several.then(|| "AUC ahead of the best other".to_owned()));
     let row = |(name, pairs): &(String, Vec<crate::compare::Pair>)| {
         let mut row = vec![escape(name)];
-        row.extend(pairs.iter().flat_map(|p| [p.precision, p.auc]).map(|v| format!("{v:.1}")));
-        let others = pairs.iter().skip(1).map(|p| p.auc).fold(f64::NEG_INFINITY, f64::max);
+        row.extend(
+            pairs
+                .iter()
+                .flat_map(|p| [p.precision, p.auc])
+                .map(|v| format!("{v:.1}")),
+        );
+        let others = pairs
+            .iter()
+            .skip(1)
+            .map(|p| p.auc)
+            .fold(f64::NEG_INFINITY, f64::max);
         row.extend(several.then(|| format!("{:+.1}", pairs[0].auc - others)));
         row
     };
     let rows: Vec<_> = comparison.per_sequence().iter().map(row).collect();
     let hint = "Click a heading to sort.";
     let ahead = if several {
-        format!(" The last column says how far {} is ahead.", escape(&comparison.trackers[0].tracker))
+        format!(
+            " The last column says how far {} is ahead.",
+            escape(&comparison.trackers[0].tracker)
+        )
     } else {
         String::new()
     };
-    format!("<h2>Sequences</h2>\n<p>{hint}{ahead}</p>\n{}", table(&header, &rows))
+    format!(
+        "<h2>Sequences</h2>\n<p>{hint}{ahead}</p>\n{}",
+        table(&header, &rows)
+    )
 }
 
 fn pictures(comparison: &Comparison, failures: &[Failure]) -> String {
@@ -148,9 +195,15 @@ fn pictures(comparison: &Comparison, failures: &[Failure]) -> String {
             }
         };
         mark(&failure.annotated, "stroke=\"#000\" stroke-width=\"3\"");
-        mark(&failure.annotated, "stroke=\"#fff\" stroke-width=\"2\" stroke-dasharray=\"6 3\"");
+        mark(
+            &failure.annotated,
+            "stroke=\"#fff\" stroke-width=\"2\" stroke-dasharray=\"6 3\"",
+        );
         for (i, found) in failure.found.iter().enumerate() {
-            mark(found, &format!("stroke=\"{}\" stroke-width=\"2\"", color(i)));
+            mark(
+                found,
+                &format!("stroke=\"{}\" stroke-width=\"2\"", color(i)),
+            );
         }
         let name = escape(&failure.sequence);
         let _ = writeln!(

@@ -13,7 +13,10 @@ use track_cpu::{Model, Tracker};
 pub fn track(model: &Model, sequence: &Sequence, first: BBox) -> Result<Outcome, Error> {
     let name = &sequence.annotation.name;
     let mut tracker = Tracker::new(model.clone());
-    let mut outcome = Outcome { boxes: Vec::new(), seconds: Vec::new() };
+    let mut outcome = Outcome {
+        boxes: Vec::new(),
+        seconds: Vec::new(),
+    };
     for path in &sequence.frames {
         let image = decode(path).map_err(|reason| failure(name, reason))?;
         let frame = image.frame();
@@ -24,7 +27,9 @@ pub fn track(model: &Model, sequence: &Sequence, first: BBox) -> Result<Outcome,
             tracker.update(&frame).map(|track| BBox::from(track.bbox))
         };
         outcome.seconds.push(clock.elapsed().as_secs_f64());
-        outcome.boxes.push(found.map_err(|error| failure(name, error))?);
+        outcome
+            .boxes
+            .push(found.map_err(|error| failure(name, error))?);
     }
     Ok(outcome)
 }
@@ -32,6 +37,8 @@ pub fn track(model: &Model, sequence: &Sequence, first: BBox) -> Result<Outcome,
 /// Reads one picture.
 pub fn decode(path: &Path) -> Result<Image, String> {
     let mut source = Source::open(&Input::new(path)).map_err(|error| error.to_string())?;
-    let image = source.next().ok_or_else(|| format!("{}: no picture", path.display()))?;
+    let image = source
+        .next()
+        .ok_or_else(|| format!("{}: no picture", path.display()))?;
     image.map_err(|error| error.to_string())
 }

@@ -60,13 +60,20 @@ impl CommandLine {
 
     /// What the program is called: its file's name.
     pub fn name(&self) -> String {
-        Path::new(self.program()).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+        Path::new(self.program())
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
     }
 
     /// The program with its arguments, placeholders filled in.
     pub(super) fn command(&self, values: &[(&str, String)]) -> Command {
-        let fill =
-            |word: &String| values.iter().fold(word.clone(), |word, (key, value)| word.replace(key, value));
+        let fill = |word: &String| {
+            values
+                .iter()
+                .fold(word.clone(), |word, (key, value)| word.replace(key, value))
+        };
         let mut words = self.words.iter().map(fill);
         let mut command = Command::new(words.next().unwrap_or_default());
         command.args(words);
@@ -85,16 +92,23 @@ impl CommandLine {
     ) -> Result<Outcome, Error> {
         let name = &sequence.annotation.name;
         let work = Work::new(folder, name)?;
-        let [frames, out, times] = ["frames.txt", "boxes.txt", "times.txt"].map(|file| work.0.join(file));
+        let [frames, out, times] =
+            ["frames.txt", "boxes.txt", "times.txt"].map(|file| work.0.join(file));
         let absolute = |path: &Path| fs::canonicalize(path).map_err(Error::unreadable(path));
-        let paths = sequence.frames.iter().map(|path| Ok(format!("{}\n", absolute(path)?.display())));
+        let paths = sequence
+            .frames
+            .iter()
+            .map(|path| Ok(format!("{}\n", absolute(path)?.display())));
         let list = paths.collect::<Result<String, Error>>()?;
         fs::write(&frames, list).map_err(Error::unwritable(&frames))?;
         let pictures = absolute(sequence.frames[0].parent().unwrap_or(Path::new(".")))?;
         let values = [
             ("{frames}", frames.display().to_string()),
             ("{folder}", pictures.display().to_string()),
-            ("{init}", format!("{},{},{},{}", first.x, first.y, first.w, first.h)),
+            (
+                "{init}",
+                format!("{},{},{},{}", first.x, first.y, first.w, first.h),
+            ),
             ("{out}", out.display().to_string()),
             ("{times}", times.display().to_string()),
         ];
@@ -106,13 +120,21 @@ impl CommandLine {
         };
         let failed = |reason: String| failure(name, format!("{}: {reason}", self.program()));
         let child = command.spawn().map_err(|error| failed(error.to_string()))?;
-        let limit = timeout.saturating_mul(u32::try_from(sequence.frames.len()).unwrap_or(u32::MAX));
+        let limit =
+            timeout.saturating_mul(u32::try_from(sequence.frames.len()).unwrap_or(u32::MAX));
         let status = wait(child, limit).map_err(failed)?;
         if !status.success() {
             return Err(failed(status.to_string()));
         }
-        let seconds = if times.is_file() { text::read_numbers(&times)? } else { Vec::new() };
-        Ok(Outcome { boxes: text::read_boxes(&out)?, seconds })
+        let seconds = if times.is_file() {
+            text::read_numbers(&times)?
+        } else {
+            Vec::new()
+        };
+        Ok(Outcome {
+            boxes: text::read_boxes(&out)?,
+            seconds,
+        })
     }
 }
 
@@ -158,9 +180,15 @@ mod tests {
     #[test]
     fn words_and_quotes() {
         let words = |text: &str| CommandLine::parse(text).map(|command| command.words);
-        assert_eq!(words("  a b\t'c d' \"e 'f\"g '' ").unwrap(), ["a", "b", "c d", "e 'fg", ""]);
+        assert_eq!(
+            words("  a b\t'c d' \"e 'f\"g '' ").unwrap(),
+            ["a", "b", "c d", "e 'fg", ""]
+        );
         assert!(words("a 'b").unwrap_err().contains("quote '"));
         assert!(words("  ").is_err());
-        assert_eq!(CommandLine::parse("/opt/kcf.py {out}").unwrap().name(), "kcf");
+        assert_eq!(
+            CommandLine::parse("/opt/kcf.py {out}").unwrap().name(),
+            "kcf"
+        );
     }
 }

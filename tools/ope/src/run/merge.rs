@@ -13,12 +13,18 @@ pub fn merge(parts: &[impl AsRef<Path>], into: &Path) -> Result<usize, Error> {
     for part in parts {
         let part = Results::open(part.as_ref())?;
         for name in part.names()? {
-            let Some(boxes) = part.boxes(&name)? else { continue };
+            let Some(boxes) = part.boxes(&name)? else {
+                continue;
+            };
             match merged.boxes(&name)? {
                 Some(there) if there == boxes => {}
                 Some(_) => {
                     let found = format!("others in {}", into.display());
-                    return Err(Error::content(part.folder(), format!("the same boxes of {name}"), found));
+                    return Err(Error::content(
+                        part.folder(),
+                        format!("the same boxes of {name}"),
+                        found,
+                    ));
                 }
                 None => merged.write(&name, &boxes, &part.times(&name)?.unwrap_or_default())?,
             }

@@ -66,7 +66,11 @@ impl Program {
             Some(line) => (Manner::Trax, line),
             None => (Manner::Files, text),
         };
-        Ok(Program { line: CommandLine::parse(line)?, manner, timeout: Program::TIMEOUT })
+        Ok(Program {
+            line: CommandLine::parse(line)?,
+            manner,
+            timeout: Program::TIMEOUT,
+        })
     }
 
     fn track(&self, sequence: &Sequence, first: BBox, folder: &Path) -> Result<Outcome, Error> {
@@ -109,10 +113,15 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> Result<Shard, String> {
         let parse = || {
             let (index, count) = text.split_once('/')?;
-            Some(Shard { index: index.parse().ok()?, count: count.parse().ok()? })
+            Some(Shard {
+                index: index.parse().ok()?,
+                count: count.parse().ok()?,
+            })
         };
         let valid = |shard: &Shard| (1..=shard.count).contains(&shard.index);
-        parse().filter(valid).ok_or_else(|| format!("expected i/n with i from 1 to n, found {text:?}"))
+        parse()
+            .filter(valid)
+            .ok_or_else(|| format!("expected i/n with i from 1 to n, found {text:?}"))
     }
 }
 
@@ -131,9 +140,14 @@ pub fn run(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<usize, Error> {
     let results = Results::create(folder)?;
-    let mine = sequences.iter().enumerate().filter(|(place, _)| shard.holds(*place)).map(|(_, s)| s);
-    let todo: Vec<&Sequence> =
-        mine.filter(|s| !results.is_whole(&s.annotation.name, s.frames.len())).collect();
+    let mine = sequences
+        .iter()
+        .enumerate()
+        .filter(|(place, _)| shard.holds(*place))
+        .map(|(_, s)| s);
+    let todo: Vec<&Sequence> = mine
+        .filter(|s| !results.is_whole(&s.annotation.name, s.frames.len()))
+        .collect();
     let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
         while let Some(sequence) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
@@ -154,7 +168,10 @@ pub fn run(
     thread::scope(|scope| (0..jobs.get().min(todo.len())).for_each(|_| drop(scope.spawn(work))));
     match failed.into_inner() {
         0 => Ok(todo.len()),
-        failed => Err(Error::Failed { failed, of: todo.len() }),
+        failed => Err(Error::Failed {
+            failed,
+            of: todo.len(),
+        }),
     }
 }
 
@@ -162,7 +179,10 @@ fn describe(name: &str, outcome: &Outcome) -> String {
     let seconds: f64 = outcome.seconds.iter().sum();
     let frames = outcome.boxes.len();
     match seconds > 0.0 {
-        true => format!("{name}: {frames} frames, {:.1} FPS", frames as f64 / seconds),
+        true => format!(
+            "{name}: {frames} frames, {:.1} FPS",
+            frames as f64 / seconds
+        ),
         false => format!("{name}: {frames} frames"),
     }
 }
@@ -171,15 +191,24 @@ impl Runner {
     /// Tracks one sequence from its first annotated box on.
     fn track(&self, sequence: &Sequence, folder: &Path) -> Result<Outcome, Error> {
         let name = &sequence.annotation.name;
-        let first = sequence.annotation.boxes.first().filter(|first| first.is_usable());
-        let Some(first) = first else { return Err(failure(name, "its first annotated box has no area")) };
+        let first = sequence
+            .annotation
+            .boxes
+            .first()
+            .filter(|first| first.is_usable());
+        let Some(first) = first else {
+            return Err(failure(name, "its first annotated box has no area"));
+        };
         let outcome = match self {
             Runner::Builtin(model) => builtin::track(model, sequence, *first)?,
             Runner::Program(program) => program.track(sequence, *first, folder)?,
         };
         let (frames, boxes) = (sequence.frames.len(), outcome.boxes.len());
         if frames != boxes {
-            return Err(failure(name, format!("{boxes} boxes, expected {frames}, one per frame")));
+            return Err(failure(
+                name,
+                format!("{boxes} boxes, expected {frames}, one per frame"),
+            ));
         }
         Ok(outcome)
     }
@@ -187,7 +216,10 @@ impl Runner {
 
 /// A sequence could not be tracked.
 pub(crate) fn failure(sequence: &str, reason: impl ToString) -> Error {
-    Error::Sequence { sequence: sequence.to_owned(), reason: brief(reason) }
+    Error::Sequence {
+        sequence: sequence.to_owned(),
+        reason: brief(reason),
+    }
 }
 
 #[cfg(test)]

@@ -28,15 +28,28 @@ pub fn track(
     sequence: &Sequence,
     first: BBox,
 ) -> Result<Outcome, Error> {
-    let failure =
-        |reason: String| failure(&sequence.annotation.name, format!("{}: {reason}", line.program()));
+    let failure = |reason: String| {
+        failure(
+            &sequence.annotation.name,
+            format!("{}: {reason}", line.program()),
+        )
+    };
     let mut server = Server::start(line, timeout).map_err(failure)?;
-    let mut outcome = Outcome { boxes: Vec::new(), seconds: Vec::new() };
+    let mut outcome = Outcome {
+        boxes: Vec::new(),
+        seconds: Vec::new(),
+    };
     for (i, path) in sequence.frames.iter().enumerate() {
         let image = url(path)?;
-        let messages = if i == 0 { server.beginning(image, first) } else { vec![frame(image)] };
+        let messages = if i == 0 {
+            server.beginning(image, first)
+        } else {
+            vec![frame(image)]
+        };
         let clock = Instant::now();
-        let found = server.ask(&messages).map_err(|reason| failure(format!("frame {}: {reason}", i + 1)))?;
+        let found = server
+            .ask(&messages)
+            .map_err(|reason| failure(format!("frame {}: {reason}", i + 1)))?;
         outcome.seconds.push(clock.elapsed().as_secs_f64());
         outcome.boxes.push(if i == 0 { first } else { found });
     }
@@ -67,13 +80,21 @@ struct Server {
 impl Server {
     fn start(line: &CommandLine, timeout: Duration) -> Result<Server, String> {
         let mut command = line.command(&[]);
-        command.env("TRAX", "1").stdin(Stdio::piped()).stdout(Stdio::piped());
+        command
+            .env("TRAX", "1")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped());
         let mut server = Server::spawn(command, timeout)?;
         let hello = server.next(Kind::Hello)?;
         let version = hello.get("trax.version").unwrap_or("1");
-        server.version = version.parse().map_err(|_| format!("hello: unknown version {version:?}"))?;
-        let takes =
-            |key: &str, form: &str| hello.get(key).is_none_or(|forms| forms.split(';').any(|f| f == form));
+        server.version = version
+            .parse()
+            .map_err(|_| format!("hello: unknown version {version:?}"))?;
+        let takes = |key: &str, form: &str| {
+            hello
+                .get(key)
+                .is_none_or(|forms| forms.split(';').any(|f| f == form))
+        };
         if !takes("trax.image", "path") {
             return Err("hello: it takes no pictures by their path".into());
         }
@@ -92,12 +113,23 @@ impl Server {
             let (mut out, mut line) = (BufReader::new(out), Vec::new());
             while let Some(read) = trax::read(&mut out, &mut line).transpose() {
                 let broken = read.is_err();
-                if sender.send(read.map_err(|error| error.to_string())).is_err() || broken {
+                if sender
+                    .send(read.map_err(|error| error.to_string()))
+                    .is_err()
+                    || broken
+                {
                     return;
                 }
             }
         });
-        Ok(Server { child, to, from, timeout, version: 1, takes_rectangles: true })
+        Ok(Server {
+            child,
+            to,
+            from,
+            timeout,
+            version: 1,
+            takes_rectangles: true,
+        })
     }
 
     /// The messages that give an object and its picture.
@@ -119,15 +151,23 @@ impl Server {
 
     /// Sends messages and waits for the box in answer.
     fn ask(&mut self, messages: &[Message]) -> Result<BBox, String> {
-        let text: String = messages.iter().map(|message| format!("{message}\n")).collect();
-        let sent = self.to.write_all(text.as_bytes()).and_then(|()| self.to.flush());
+        let text: String = messages
+            .iter()
+            .map(|message| format!("{message}\n"))
+            .collect();
+        let sent = self
+            .to
+            .write_all(text.as_bytes())
+            .and_then(|()| self.to.flush());
         // One that has gone may have said why.
         let state = self.next(Kind::State).map_err(|reason| match &sent {
             Err(error) => format!("{reason} ({error})"),
             Ok(()) => reason,
         })?;
         let region = state.arguments.first().ok_or("state: no region in it")?;
-        let Rectangle { x, y, w, h } = Region::parse(region).map_err(|error| error.to_string())?.rectangle();
+        let Rectangle { x, y, w, h } = Region::parse(region)
+            .map_err(|error| error.to_string())?
+            .rectangle();
         Ok(BBox::new(x, y, w, h))
     }
 
@@ -136,7 +176,11 @@ impl Server {
         let message = match self.from.recv_timeout(self.timeout) {
             Ok(message) => message?,
             Err(RecvTimeoutError::Timeout) => {
-                return Err(format!("no {} within {} s", kind.name(), self.timeout.as_secs_f64()));
+                return Err(format!(
+                    "no {} within {} s",
+                    kind.name(),
+                    self.timeout.as_secs_f64()
+                ));
             }
             Err(RecvTimeoutError::Disconnected) => {
                 return Err(format!("it ended before a {}", kind.name()));
@@ -144,9 +188,10 @@ impl Server {
         };
         match message.kind {
             found if found == kind => Ok(message),
-            Kind::Quit => {
-                Err(format!("it quit: {}", message.get("trax.reason").unwrap_or("no reason given")))
-            }
+            Kind::Quit => Err(format!(
+                "it quit: {}",
+                message.get("trax.reason").unwrap_or("no reason given")
+            )),
             found => Err(format!("expected {}, found {}", kind.name(), found.name())),
         }
     }

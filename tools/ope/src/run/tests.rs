@@ -6,9 +6,19 @@ use std::sync::Mutex;
 /// Three sequences of empty pictures.
 fn sequences(folder: &Folder) -> Vec<Sequence> {
     let sequence = |name: &str| {
-        let frames = (1..=3).map(|i| folder.write(&format!("{name}/{i}.jpg"), "")).collect();
+        let frames = (1..=3)
+            .map(|i| folder.write(&format!("{name}/{i}.jpg"), ""))
+            .collect();
         let boxes = vec![BBox::new(1.0, 2.0, 30.0, 40.5); 3];
-        Sequence { annotation: Annotation { name: name.into(), boxes, present: None, scale: 1.0 }, frames }
+        Sequence {
+            annotation: Annotation {
+                name: name.into(),
+                boxes,
+                present: None,
+                scale: 1.0,
+            },
+            frames,
+        }
     };
     ["a", "b", "c"].map(sequence).to_vec()
 }
@@ -21,12 +31,18 @@ fn run_command(
     out: &Path,
 ) -> (Result<usize, String>, String) {
     let timeout = Duration::from_secs(1);
-    let runner = Runner::Program(Program { timeout, ..Program::parse(command).unwrap() });
+    let runner = Runner::Program(Program {
+        timeout,
+        ..Program::parse(command).unwrap()
+    });
     let told = Mutex::new(String::new());
     let tell = |line: &str| *told.lock().unwrap() += &format!("{line}\n");
     let jobs = NonZeroUsize::new(2).unwrap();
     let done = run(sequences, shard.parse().unwrap(), &runner, out, jobs, &tell);
-    (done.map_err(|error| error.to_string()), told.into_inner().unwrap())
+    (
+        done.map_err(|error| error.to_string()),
+        told.into_inner().unwrap(),
+    )
 }
 
 const ECHO: &str = "sh -c 'for f in $(cat {frames}); do echo {init}; done'";
@@ -60,10 +76,15 @@ fn shards_merged_are_one_run() {
     let folder = Folder::new("run");
     let (sequences, at) = (sequences(&folder), |name: &str| folder.path().join(name));
     let timed = "sh -c 'for f in 1 2 3; do echo {init} >> {out}; echo 0.5 >> {times}; done'";
-    run_command(&sequences, "1/1", timed, &at("whole")).0.unwrap();
+    run_command(&sequences, "1/1", timed, &at("whole"))
+        .0
+        .unwrap();
     assert_eq!(run_command(&sequences, "1/2", timed, &at("one")).0, Ok(2));
     assert_eq!(run_command(&sequences, "2/2", timed, &at("two")).0, Ok(1));
-    assert_eq!(merge(&[at("one"), at("two"), at("one")], &at("merged")).unwrap(), 3);
+    assert_eq!(
+        merge(&[at("one"), at("two"), at("one")], &at("merged")).unwrap(),
+        3
+    );
     for file in ["a.txt", "b.txt", "c.txt", "times/a_time.txt"] {
         let read = |name: &str| std::fs::read(at(name).join(file)).unwrap();
         assert_eq!(read("whole"), read("merged"), "{file}");
@@ -78,16 +99,28 @@ fn failures_are_told_and_the_others_run() {
     let folder = Folder::new("run");
     let (mut sequences, out) = (sequences(&folder), folder.path().join("out"));
     sequences[0].annotation.boxes[0].w = f64::NAN;
-    let command =
-        "sh -c 'case {folder} in */b) echo {init};; *) echo {init}; echo {init}; echo {init};; esac'";
+    let command = "sh -c 'case {folder} in */b) echo {init};; *) echo {init}; echo {init}; echo {init};; esac'";
     let (done, told) = run_command(&sequences, "1/1", command, &out);
     assert_eq!(done, Err("2 of 3 sequences failed, as told above".into()));
-    assert!(told.contains("a: failed: a: its first annotated box has no area"), "{told}");
-    assert!(told.contains("b: failed: b: 1 boxes, expected 3, one per frame"), "{told}");
+    assert!(
+        told.contains("a: failed: a: its first annotated box has no area"),
+        "{told}"
+    );
+    assert!(
+        told.contains("b: failed: b: 1 boxes, expected 3, one per frame"),
+        "{told}"
+    );
     assert!(out.join("c.txt").is_file() && !out.join("b.txt").exists());
-    let (done, told) =
-        run_command(&sequences[2..], "1/1", "/nonexistent/tracker {out}", &folder.path().join("n"));
-    assert!(done.is_err() && told.contains("/nonexistent/tracker"), "{told}");
+    let (done, told) = run_command(
+        &sequences[2..],
+        "1/1",
+        "/nonexistent/tracker {out}",
+        &folder.path().join("n"),
+    );
+    assert!(
+        done.is_err() && told.contains("/nonexistent/tracker"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -99,14 +132,27 @@ fn the_built_in_tracker_runs_on_files() {
         for y in 0..64 {
             for x in 0..96 {
                 let inside = (24 + shift..40 + shift).contains(&x) && (24..40).contains(&y);
-                ppm.extend([if inside { 240 } else { ((x * 7 + y * 13) % 60) as u8 }; 3]);
+                ppm.extend(
+                    [if inside {
+                        240
+                    } else {
+                        ((x * 7 + y * 13) % 60) as u8
+                    }; 3],
+                );
             }
         }
         ppm
     };
-    let frames = (0..4).map(|i| folder.write(&format!("s/{i}.ppm"), picture(2 * i))).collect();
+    let frames = (0..4)
+        .map(|i| folder.write(&format!("s/{i}.ppm"), picture(2 * i)))
+        .collect();
     let boxes = vec![BBox::new(24.0, 24.0, 16.0, 16.0); 4];
-    let annotation = Annotation { name: "s".into(), boxes, present: None, scale: 1.0 };
+    let annotation = Annotation {
+        name: "s".into(),
+        boxes,
+        present: None,
+        scale: 1.0,
+    };
     let mut sequence = Sequence { annotation, frames };
     let runner = Runner::Builtin(Model::builtin(track_cpu::Isa::detect()));
     let outcome = runner.track(&sequence, folder.path()).unwrap();
@@ -114,7 +160,13 @@ fn the_built_in_tracker_runs_on_files() {
     assert!(outcome.boxes.iter().all(BBox::is_usable) && outcome.seconds.iter().all(|s| *s > 0.0));
     assert!(outcome.boxes[3].x > 26.0, "{:?}", outcome.boxes);
     sequence.frames.push(folder.write("s/9.ppm", "P6"));
-    assert!(runner.track(&sequence, folder.path()).unwrap_err().to_string().contains("9.ppm"));
+    assert!(
+        runner
+            .track(&sequence, folder.path())
+            .unwrap_err()
+            .to_string()
+            .contains("9.ppm")
+    );
 }
 
 /// A TraX server in a line of shell: answers each frame with the box moved by 1, and `MORE` at its third message.
@@ -132,7 +184,11 @@ const SERVER: &str = r#"trax:sh -c '
     done'"#;
 
 fn server(version: &str, more: &str) -> String {
-    SERVER.replace("VERSION", version).replace("MORE", more).replace("IMAGE", "path").replace("\\\\", "\\")
+    SERVER
+        .replace("VERSION", version)
+        .replace("MORE", more)
+        .replace("IMAGE", "path")
+        .replace("\\\\", "\\")
 }
 
 #[test]
@@ -147,12 +203,21 @@ fn programs_that_speak_trax() {
         let lines: Vec<&str> = boxes.lines().collect();
         assert_eq!((lines.len(), lines[0]), (3, "1.000,2.000,30.000,40.500"));
         assert_eq!(lines[2], format!("{third},2.000,30.000,40.000"));
-        assert_eq!(std::fs::read_to_string(out.join("times/b_time.txt")).unwrap().lines().count(), 3);
+        assert_eq!(
+            std::fs::read_to_string(out.join("times/b_time.txt"))
+                .unwrap()
+                .lines()
+                .count(),
+            3
+        );
     }
     for (more, part) in [
         ("sleep 9", "frame 2: no state within 1 s"),
         ("exit 3", "frame 2: it ended before a state"),
-        ("echo @@TRAX:quit \"\\\"trax.reason=no memory\\\"\"; exit 0", "frame 2: it quit: no memory"),
+        (
+            "echo @@TRAX:quit \"\\\"trax.reason=no memory\\\"\"; exit 0",
+            "frame 2: it quit: no memory",
+        ),
         ("echo @@TRAX:state lost", "region: expected"),
         ("echo @@TRAX:hello", "expected state, found hello"),
         ("echo @@TRAX:nonsense", "found \"nonsense\""),
@@ -162,10 +227,23 @@ fn programs_that_speak_trax() {
     }
     let blind = server("4", ":").replace("trax.image=path", "trax.image=memory");
     let (_, told) = run_command(&sequences[..1], "1/1", &blind, &at("failed"));
-    assert!(told.contains("it takes no pictures by their path"), "{told}");
-    let (_, told) = run_command(&sequences[..1], "1/1", "trax:yes @@TRAX:state", &at("failed"));
+    assert!(
+        told.contains("it takes no pictures by their path"),
+        "{told}"
+    );
+    let (_, told) = run_command(
+        &sequences[..1],
+        "1/1",
+        "trax:yes @@TRAX:state",
+        &at("failed"),
+    );
     assert!(told.contains("expected hello, found state"), "{told}");
-    let (_, told) = run_command(&sequences[..1], "1/1", "trax:/nonexistent/tracker", &at("failed"));
+    let (_, told) = run_command(
+        &sequences[..1],
+        "1/1",
+        "trax:/nonexistent/tracker",
+        &at("failed"),
+    );
     assert!(told.contains("/nonexistent/tracker"), "{told}");
 }
 
@@ -174,7 +252,15 @@ fn programs_that_hang_are_ended() {
     let folder = Folder::new("hang");
     let sequences = sequences(&folder);
     let began = std::time::Instant::now();
-    let (done, told) = run_command(&sequences[..1], "1/1", "sleep 60", &folder.path().join("out"));
-    assert!(done.is_err() && told.contains("sleep: no end within 3 s"), "{told}"); // three frames
+    let (done, told) = run_command(
+        &sequences[..1],
+        "1/1",
+        "sleep 60",
+        &folder.path().join("out"),
+    );
+    assert!(
+        done.is_err() && told.contains("sleep: no end within 3 s"),
+        "{told}"
+    ); // three frames
     assert!(began.elapsed() < Duration::from_secs(30));
 }

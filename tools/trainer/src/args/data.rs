@@ -55,7 +55,11 @@ impl Data {
             seed: self.seed,
             negatives: self.negatives,
             augment,
-            rules: PairRules { max_gap: self.max_gap, compat: self.compat, ..PairRules::default() },
+            rules: PairRules {
+                max_gap: self.max_gap,
+                compat: self.compat,
+                ..PairRules::default()
+            },
             cache_bytes: (self.cache_gib * f64::from(1 << 30)) as usize,
             ..DataOptions::default()
         })

@@ -152,5 +152,9 @@ pub struct Show {
 }
 
 pub fn wrong(option: &str, expected: &str, found: &dyn ToString) -> Error {
-    Error::Option { option: option.into(), expected: expected.into(), found: found.to_string() }
+    Error::Option {
+        option: option.into(),
+        expected: expected.into(),
+        found: found.to_string(),
+    }
 }

@@ -40,7 +40,9 @@ impl Prune {
         let mut targets = Targets::ratio(ratio_of("--ratio", self.ratio)?);
         for text in &self.layer_ratio {
             let (layer, ratio) = named("--layer-ratio", text)?;
-            targets.layers.insert(layer, Rule::Ratio(ratio_of("--layer-ratio", ratio)?));
+            targets
+                .layers
+                .insert(layer, Rule::Ratio(ratio_of("--layer-ratio", ratio)?));
         }
         for text in &self.layer_rank {
             let (layer, rank) = named("--layer-rank", text)?;
@@ -55,9 +57,17 @@ impl Prune {
 
 /// `LAYER=NUMBER`.
 fn named(option: &str, text: &str) -> Result<(String, f64), Error> {
-    let parts = text.split_once('=').and_then(|(layer, number)| Some((layer, number.parse::<f64>().ok()?)));
+    let parts = text
+        .split_once('=')
+        .and_then(|(layer, number)| Some((layer, number.parse::<f64>().ok()?)));
     match parts {
-        Some((layer, number)) if LAYERS.contains(&layer) && number.is_finite() => Ok((layer.into(), number)),
-        _ => Err(wrong(option, &format!("LAYER=NUMBER with a layer of {}", LAYERS.join(", ")), &text)),
+        Some((layer, number)) if LAYERS.contains(&layer) && number.is_finite() => {
+            Ok((layer.into(), number))
+        }
+        _ => Err(wrong(
+            option,
+            &format!("LAYER=NUMBER with a layer of {}", LAYERS.join(", ")),
+            &text,
+        )),
     }
 }

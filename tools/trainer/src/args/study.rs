@@ -52,9 +52,11 @@ pub struct Ablate {
 pub fn comparable(options: FitOptions) -> Result<FitOptions, Error> {
     match options.budget {
         Budget::Steps(_) => Ok(options),
-        Budget::Minutes(_) => {
-            Err(wrong("--pairs", "the pairs of every run", &"a length in minutes, or none"))
-        }
+        Budget::Minutes(_) => Err(wrong(
+            "--pairs",
+            "the pairs of every run",
+            &"a length in minutes, or none",
+        )),
     }
 }
 
@@ -70,13 +72,22 @@ impl Sweep {
                 let tenth = |text: &str| -> Result<u32, Error> {
                     Ok((10.0 * ratio_of("--ratios", number(text)?)?).round() as u32)
                 };
-                (tenth(first)?..=tenth(last)?).map(|tenths| f64::from(tenths) / 10.0).collect()
+                (tenth(first)?..=tenth(last)?)
+                    .map(|tenths| f64::from(tenths) / 10.0)
+                    .collect()
             }
-            None => self.ratios.split(',').map(number).collect::<Result<Vec<_>, _>>()?,
+            None => self
+                .ratios
+                .split(',')
+                .map(number)
+                .collect::<Result<Vec<_>, _>>()?,
         };
         if ratios.is_empty() {
             return Err(refused());
         }
-        ratios.into_iter().map(|ratio| ratio_of("--ratios", ratio)).collect()
+        ratios
+            .into_iter()
+            .map(|ratio| ratio_of("--ratios", ratio))
+            .collect()
     }
 }

@@ -125,7 +125,10 @@ impl Training {
             (None, Some(init)) => *init,
             (ratio, _) => standard(ratio_of("--ratio", ratio.unwrap_or(0.5))?),
         };
-        options.architecture = Architecture { search_size: self.search_size, ..architecture };
+        options.architecture = Architecture {
+            search_size: self.search_size,
+            ..architecture
+        };
         match self.statistics {
             Some(Statistics::Light) => options.statistics_nets = StatisticsNets::Light,
             Some(Statistics::Full) => options.statistics_nets = StatisticsNets::Full,
@@ -154,8 +157,15 @@ impl Training {
         set(&mut options.early_size, self.early_size);
         set(&mut options.early_share, self.early_share);
         set(&mut options.estimation_batches, self.estimation_batches);
-        let steps = self.steps.or(self.pairs.map(|pairs| pairs.div_ceil(options.batch.max(1) as u64)));
-        set(&mut options.budget, self.minutes.map(Budget::Minutes).or(steps.map(Budget::Steps)));
+        let steps = self.steps.or(self
+            .pairs
+            .map(|pairs| pairs.div_ceil(options.batch.max(1) as u64)));
+        set(
+            &mut options.budget,
+            self.minutes
+                .map(Budget::Minutes)
+                .or(steps.map(Budget::Steps)),
+        );
         options.seed = seed;
         options.check()?;
         Ok(options)
@@ -164,13 +174,18 @@ impl Training {
 
 /// A share of filters, checked.
 pub fn ratio_of(option: &str, ratio: f64) -> Result<f64, Error> {
-    if (0.0..1.0).contains(&ratio) { Ok(ratio) } else { Err(wrong(option, "0 to below 1", &ratio)) }
+    if (0.0..1.0).contains(&ratio) {
+        Ok(ratio)
+    } else {
+        Err(wrong(option, "0 to below 1", &ratio))
+    }
 }
 
 impl Behavior {
     /// Threads that compute.
     pub fn threads(&self) -> usize {
-        self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
+        self.threads
+            .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get()))
     }
 
     /// How the run behaves.
@@ -185,7 +200,11 @@ impl Behavior {
             data_threads: self.data_threads.clamp(1, 64),
             checkpoint_minutes: minutes("--checkpoint-minutes", self.checkpoint_minutes)?,
             validate_minutes: minutes("--validate-minutes", validate_minutes)?,
-            validation: Validation::open(&self.validate, self.validate_flights, self.validate_frames)?,
+            validation: Validation::open(
+                &self.validate,
+                self.validate_flights,
+                self.validate_frames,
+            )?,
             stop_after: None,
         })
     }

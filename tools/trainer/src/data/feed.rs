@@ -27,7 +27,13 @@ pub struct Feed {
 
 impl Feed {
     /// Batches of `batch` samples from number `first` on, made by `threads` threads, at most `ahead` of them waiting.
-    pub fn new(dataset: Arc<Dataset>, batch: usize, first: u64, threads: usize, ahead: usize) -> Feed {
+    pub fn new(
+        dataset: Arc<Dataset>,
+        batch: usize,
+        first: u64,
+        threads: usize,
+        ahead: usize,
+    ) -> Feed {
         let (orders, inbox) = channel::<Order>();
         let (outbox, batches): (SyncSender<_>, _) = sync_channel(ahead.max(1));
         let inbox = Arc::new(Mutex::new(inbox));
@@ -39,16 +45,26 @@ impl Feed {
                         Ok(inbox) => inbox.recv(),
                         Err(_) => return,
                     };
-                    let Ok(Order { number, search_size }) = order else { return };
+                    let Ok(Order {
+                        number,
+                        search_size,
+                    }) = order
+                    else {
+                        return;
+                    };
                     let index = |i: usize| number * batch as u64 + i as u64;
-                    let samples = (0..batch).map(|i| dataset.sample(index(i), search_size)).collect();
+                    let samples = (0..batch)
+                        .map(|i| dataset.sample(index(i), search_size))
+                        .collect();
                     if outbox.send((number, samples)).is_err() {
                         return;
                     }
                 }
             }
         };
-        let workers = (0..threads.max(1)).map(|_| std::thread::spawn(work())).collect();
+        let workers = (0..threads.max(1))
+            .map(|_| std::thread::spawn(work()))
+            .collect();
         Feed {
             orders: Some(orders),
             batches,
@@ -65,18 +81,26 @@ impl Feed {
     /// Panics if a worker panicked.
     pub fn next(&mut self, search_size: impl Fn(u64) -> usize) -> Vec<Sample> {
         while self.next_order <= self.next_batch + self.ahead {
-            let order = Order { number: self.next_order, search_size: search_size(self.next_order) };
+            let order = Order {
+                number: self.next_order,
+                search_size: search_size(self.next_order),
+            };
             if let Some(orders) = &self.orders {
                 let _ = orders.send(order); // fails only if all workers are gone, which `recv` below tells
             }
             self.next_order += 1;
         }
         while !self.early.contains_key(&self.next_batch) {
-            let (number, samples) = self.batches.recv().expect("data workers live until the feed is dropped");
+            let (number, samples) = self
+                .batches
+                .recv()
+                .expect("data workers live until the feed is dropped");
             self.early.insert(number, samples);
         }
         self.next_batch += 1;
-        self.early.remove(&(self.next_batch - 1)).expect("just seen")
+        self.early
+            .remove(&(self.next_batch - 1))
+            .expect("just seen")
     }
 
     /// How many batches are ready now.

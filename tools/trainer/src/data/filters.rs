@@ -16,8 +16,11 @@ struct Tap {
 /// Gaussian blur of a standard deviation in pixels.
 pub fn blur(image: &[u8], side: usize, sigma: f32) -> Vec<u8> {
     let reach = (2.5 * sigma).ceil() as i32;
-    let weights: Vec<_> = (-reach..=reach).map(|d| (-0.5 * (d as f32 / sigma).powi(2)).exp()).collect();
-    let along = |place: &dyn Fn(i32) -> (i32, i32)| taps((-reach..=reach).map(place).zip(weights.clone()));
+    let weights: Vec<_> = (-reach..=reach)
+        .map(|d| (-0.5 * (d as f32 / sigma).powi(2)).exp())
+        .collect();
+    let along =
+        |place: &dyn Fn(i32) -> (i32, i32)| taps((-reach..=reach).map(place).zip(weights.clone()));
     let across = filter(image, side, &along(&|d| (d, 0)));
     filter(&across, side, &along(&|d| (0, d)))
 }
@@ -62,7 +65,10 @@ fn filter(image: &[u8], side: usize, taps: &[Tap]) -> Vec<u8> {
             let shift = (tap.dx.unsigned_abs() as usize).min(side - 1) * 3;
             // Split into the part with pixels of its own and the part beyond the edge.
             let ((inner, edge), (source, last)) = if tap.dx >= 0 {
-                (sums.split_at_mut(row - shift), (&from[shift..], &from[row - 3..]))
+                (
+                    sums.split_at_mut(row - shift),
+                    (&from[shift..], &from[row - 3..]),
+                )
             } else {
                 let (edge, inner) = sums.split_at_mut(shift);
                 ((inner, edge), (&from[..row - shift], &from[..3]))
@@ -90,7 +96,8 @@ pub fn noise(image: &mut [u8], sigma: f32, rng: &mut Rng) {
         let bytes = rng.bits().to_le_bytes();
         for (value, bytes) in pair.iter_mut().zip(bytes.chunks_exact(4)) {
             let sum: i32 = bytes.iter().map(|b| i32::from(*b)).sum();
-            *value = (i32::from(*value) + (((sum - 510) * factor + 32768) >> 16)).clamp(0, 255) as u8;
+            *value =
+                (i32::from(*value) + (((sum - 510) * factor + 32768) >> 16)).clamp(0, 255) as u8;
         }
     }
 }
@@ -101,8 +108,12 @@ pub fn noise(image: &mut [u8], sigma: f32, rng: &mut Rng) {
 pub fn jpeg(image: &[u8], side: usize, quality: u8) -> Vec<u8> {
     let mut file = Vec::new();
     let size = side as u32;
-    let encoded =
-        JpegEncoder::new_with_quality(&mut file, quality).encode(image, size, size, ExtendedColorType::Rgb8);
+    let encoded = JpegEncoder::new_with_quality(&mut file, quality).encode(
+        image,
+        size,
+        size,
+        ExtendedColorType::Rgb8,
+    );
     let decoded = image::load_from_memory_with_format(&file, ImageFormat::Jpeg);
     match (encoded, decoded) {
         (Ok(()), Ok(decoded)) => decoded.into_rgb8().into_raw(),
@@ -154,7 +165,12 @@ fn enlarge(image: &[u8], small: usize, side: usize) -> Vec<u8> {
         for (out, (i, x)) in row.chunks_exact_mut(3).zip(&columns) {
             let (upper, lower) = (&upper[i * 3..][..6], &lower[i * 3..][..6]);
             for channel in 0..3 {
-                let taps = [upper[channel], upper[channel + 3], lower[channel], lower[channel + 3]];
+                let taps = [
+                    upper[channel],
+                    upper[channel + 3],
+                    lower[channel],
+                    lower[channel + 3],
+                ];
                 out[channel] = blend(taps, *x, y);
             }
         }
@@ -177,7 +193,11 @@ mod tests {
     fn spread(image: &[u8]) -> (f64, f64, f64) {
         let (mut sum, mut xx, mut yy) = (0.0, 0.0, 0.0);
         for (i, pixel) in image.chunks(3).enumerate() {
-            let (value, x, y) = (f64::from(pixel[1]), (i % SIDE) as f64 - 16.0, (i / SIDE) as f64 - 16.0);
+            let (value, x, y) = (
+                f64::from(pixel[1]),
+                (i % SIDE) as f64 - 16.0,
+                (i / SIDE) as f64 - 16.0,
+            );
             sum += value;
             xx += value * x * x;
             yy += value * y * y;
@@ -219,8 +239,15 @@ mod tests {
         noise(&mut image, 6.0, &mut Rng::new(1, 1, 1));
         let n = image.len() as f64;
         let mean = image.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
-        let variance = image.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n;
-        assert!((mean - 128.0).abs() < 0.1 && (variance.sqrt() - 6.0).abs() < 0.15, "{mean} {variance}");
+        let variance = image
+            .iter()
+            .map(|v| (f64::from(*v) - mean).powi(2))
+            .sum::<f64>()
+            / n;
+        assert!(
+            (mean - 128.0).abs() < 0.1 && (variance.sqrt() - 6.0).abs() < 0.15,
+            "{mean} {variance}"
+        );
     }
 
     #[test]
@@ -229,8 +256,12 @@ mod tests {
         let image: Vec<u8> = (0..SIDE * SIDE * 3).map(|_| rng.bits() as u8).collect();
         let small = low_resolution(&image, SIDE, 3.0);
         let mean = |v: &[u8]| v.iter().map(|v| f64::from(*v)).sum::<f64>() / v.len() as f64;
-        let deviation =
-            |v: &[u8]| v.iter().map(|x| (f64::from(*x) - mean(v)).powi(2)).sum::<f64>() / v.len() as f64;
+        let deviation = |v: &[u8]| {
+            v.iter()
+                .map(|x| (f64::from(*x) - mean(v)).powi(2))
+                .sum::<f64>()
+                / v.len() as f64
+        };
         assert!((mean(&image) - mean(&small)).abs() < 3.0);
         assert!(deviation(&small) < 0.25 * deviation(&image));
     }

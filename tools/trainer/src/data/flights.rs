@@ -41,14 +41,21 @@ impl Flights {
     /// Flights of a `seed`; every one serves about `pairs` pairs if a `share` of all samples comes from them.
     pub fn new(seed: u64, share: f64, pairs: f64) -> Flights {
         let samples_per_flight = (pairs / share.max(1e-3)).clamp(1.0, 1e9) as u64;
-        Flights { seed, samples_per_flight, clips: Mutex::default() }
+        Flights {
+            seed,
+            samples_per_flight,
+            clips: Mutex::default(),
+        }
     }
 
     /// Two frames of one flight; `None` if its target hides too well.
     pub fn draw_pair(&self, index: u64, rng: &mut Rng) -> Option<(View, View)> {
         let number = index / self.samples_per_flight + rng.below(WINDOW as usize) as u64;
         let cell = {
-            let mut clips = self.clips.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let mut clips = self
+                .clips
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner);
             // Behind the window nothing is wanted any more, but for samples that another thread is late with.
             let oldest = (index / self.samples_per_flight).saturating_sub(WINDOW);
             *clips = clips.split_off(&oldest);
@@ -85,13 +92,21 @@ fn render(seed: u64, number: u64) -> Clip {
     for i in 0..FRAMES {
         let truth = flight.render(i * STRIDE, &mut frame);
         let (b, width, height) = (truth.bbox, frame.width as f32, frame.height as f32);
-        let inside =
-            b.x > -0.5 * b.w && b.y > -0.5 * b.h && b.x + 0.5 * b.w < width && b.y + 0.5 * b.h < height;
+        let inside = b.x > -0.5 * b.w
+            && b.y > -0.5 * b.h
+            && b.x + 0.5 * b.w < width
+            && b.y + 0.5 * b.h < height;
         if truth.visible > 0.4 && inside && b.w >= 4.0 && b.h >= 4.0 {
             let picture = Arc::new(Picture::new(frame.width, frame.height, frame.data.clone()));
             // Continuous edges and inclusive pixel counts give the same four numbers (`BBox`, `TruthBox`).
-            let view = View { picture, bbox: BBox::new(b.x, b.y, b.w, b.h) };
-            clip.push(Shot { view, visible: truth.visible });
+            let view = View {
+                picture,
+                bbox: BBox::new(b.x, b.y, b.w, b.h),
+            };
+            clip.push(Shot {
+                view,
+                visible: truth.visible,
+            });
         }
     }
     clip
@@ -114,6 +129,13 @@ mod tests {
         let again: Vec<_> = (0..4).rev().map(|i| draw(&backwards, i)).collect();
         assert!(first.iter().eq(again.iter().rev()));
         draw(&in_order, 30);
-        assert!(in_order.clips.lock().unwrap().keys().all(|number| *number >= 9));
+        assert!(
+            in_order
+                .clips
+                .lock()
+                .unwrap()
+                .keys()
+                .all(|number| *number >= 9)
+        );
     }
 }

@@ -44,7 +44,12 @@ struct Jitter {
     shift: [f64; 2],
 }
 
-const STILL: Jitter = Jitter { scale: 1.0, aspect: 1.0, angle: 0.0, shift: [0.0; 2] };
+const STILL: Jitter = Jitter {
+    scale: 1.0,
+    aspect: 1.0,
+    angle: 0.0,
+    shift: [0.0; 2],
+};
 
 /// 2x2 matrix, row-major.
 type Matrix = [[f64; 2]; 2];
@@ -72,7 +77,12 @@ pub fn template(view: &View, pose: Pose) -> Vec<u8> {
     let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE);
     let region = Region::around(&view.bbox.center(), scale, TEMPLATE_SIZE);
     let crop_scale = (TEMPLATE_SIZE - 1) as f64 / (region.side - 1.0);
-    cut(view, &pose.matrix(crop_scale, &STILL), [0.0; 2], TEMPLATE_SIZE)
+    cut(
+        view,
+        &pose.matrix(crop_scale, &STILL),
+        [0.0; 2],
+        TEMPLATE_SIZE,
+    )
 }
 
 /// A search crop of `size` pixels, `[size, size, 3]` BGR, and the target's corners in it.
@@ -100,19 +110,25 @@ pub fn search(
             let grid = grid(&view.bbox, &matrix, jitter.shift, size);
             let mut crop = warp(&view.picture, &grid);
             if let Some(other) = beside {
-                fill_outside(&mut crop, &grid, &view.picture, || surroundings(other, pose, size, rng));
+                fill_outside(&mut crop, &grid, &view.picture, || {
+                    surroundings(other, pose, size, rng)
+                });
             }
             return (crop, corners);
         }
     }
     let matrix = pose.matrix(scale, &STILL);
-    (cut(view, &matrix, [0.0; 2], size), corners(&view.bbox, &matrix, [0.0; 2], size))
+    (
+        cut(view, &matrix, [0.0; 2], size),
+        corners(&view.bbox, &matrix, [0.0; 2], size),
+    )
 }
 
 /// A search crop with the target anywhere, within it or beyond its edge.
 fn surroundings(view: &View, pose: Pose, size: usize, rng: &mut Rng) -> Vec<u8> {
     let BBox { w, h, .. } = view.bbox;
-    let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE) * f64::from(rng.factor(0.3));
+    let scale =
+        scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE) * f64::from(rng.factor(0.3));
     let reach = size as f32 / 2.0;
     let shift = [rng.range(-reach, reach), rng.range(-reach, reach)].map(f64::from);
     cut(view, &pose.matrix(scale, &STILL), shift, size)
@@ -121,10 +137,17 @@ fn surroundings(view: &View, pose: Pose, size: usize, rng: &mut Rng) -> Vec<u8> 
 /// Replaces what lies outside the picture, if there is such.
 fn fill_outside(crop: &mut [u8], grid: &Grid, picture: &Picture, other: impl FnOnce() -> Vec<u8>) {
     let end = grid.side - 1;
-    if [(0, 0), (end, 0), (0, end), (end, end)].iter().all(|(x, y)| grid.meets(picture, *x, *y)) {
+    if [(0, 0), (end, 0), (0, end), (end, end)]
+        .iter()
+        .all(|(x, y)| grid.meets(picture, *x, *y))
+    {
         return; // pictures are convex
     }
-    for (i, (pixel, other)) in crop.chunks_exact_mut(3).zip(other().chunks_exact(3)).enumerate() {
+    for (i, (pixel, other)) in crop
+        .chunks_exact_mut(3)
+        .zip(other().chunks_exact(3))
+        .enumerate()
+    {
         if !grid.meets(picture, i % grid.side, i / grid.side) {
             pixel.copy_from_slice(other);
         }
@@ -135,10 +158,21 @@ fn jitter(size: usize, still: bool, augment: &Augment, rng: &mut Rng) -> Jitter 
     let more = if still { 3.0 } else { 1.0 };
     let mut spread = |reach: f32| f64::from(rng.range(-reach, reach));
     let reach = augment.shift * size as f32 / 2.0;
-    let (scale, aspect) = (spread(augment.scale).exp(), spread(augment.aspect * more).exp());
-    let (angle, shift) = (spread(augment.rotation * more).to_radians(), [spread(reach), spread(reach)]);
+    let (scale, aspect) = (
+        spread(augment.scale).exp(),
+        spread(augment.aspect * more).exp(),
+    );
+    let (angle, shift) = (
+        spread(augment.rotation * more).to_radians(),
+        [spread(reach), spread(reach)],
+    );
     let turned = rng.chance(0.6);
-    Jitter { scale, aspect, angle: if turned { angle } else { 0.0 }, shift }
+    Jitter {
+        scale,
+        aspect,
+        angle: if turned { angle } else { 0.0 },
+        shift,
+    }
 }
 
 /// Samples the crop whose pixel `center + shift` is the box's center.
@@ -152,7 +186,10 @@ fn grid(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Grid {
     let from = [-reach - shift[0], -reach - shift[1]]; // crop pixel (0, 0)
     let origin = [0, 1].map(|k| matrix[k][0] * from[0] + matrix[k][1] * from[1]);
     Grid {
-        origin: [origin[0] + f64::from(center.cx), origin[1] + f64::from(center.cy)],
+        origin: [
+            origin[0] + f64::from(center.cx),
+            origin[1] + f64::from(center.cy),
+        ],
         across: [matrix[0][0], matrix[1][0]],
         down: [matrix[0][1], matrix[1][1]],
         side,
@@ -168,7 +205,13 @@ fn corners(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Corner
     let extent = [(d * w).hypot(b * h), (c * w).hypot(a * h)].map(|e| e / determinant.abs());
     let middle = shift.map(|s| (side - 1) as f64 / 2.0 + s);
     let half = extent.map(|e| (e - 1.0) / 2.0);
-    [middle[0] - half[0], middle[1] - half[1], middle[0] + half[0], middle[1] + half[1]].map(|v| v as f32)
+    [
+        middle[0] - half[0],
+        middle[1] - half[1],
+        middle[0] + half[0],
+        middle[1] + half[1],
+    ]
+    .map(|v| v as f32)
 }
 
 #[cfg(test)]
@@ -187,7 +230,10 @@ mod tests {
                 data[(y * width + x) * 3..][..3].fill(255);
             }
         }
-        View { picture: Arc::new(Picture::new(width, height, data)), bbox }
+        View {
+            picture: Arc::new(Picture::new(width, height, data)),
+            bbox,
+        }
     }
 
     /// Tight box of what is brighter than half.
@@ -196,7 +242,12 @@ mod tests {
         for (i, pixel) in crop.chunks(3).enumerate() {
             if pixel[0] > 127 {
                 let (x, y) = ((i % side) as f32, (i / side) as f32);
-                found = [found[0].min(x), found[1].min(y), found[2].max(x), found[3].max(y)];
+                found = [
+                    found[0].min(x),
+                    found[1].min(y),
+                    found[2].max(x),
+                    found[3].max(y),
+                ];
             }
         }
         found
@@ -218,24 +269,38 @@ mod tests {
             &mut expected,
         );
         let found = template(&view, Pose::default());
-        let worst = found.iter().zip(&expected).map(|(a, b)| a.abs_diff(*b)).max();
+        let worst = found
+            .iter()
+            .zip(&expected)
+            .map(|(a, b)| a.abs_diff(*b))
+            .max();
         assert!(worst <= Some(1), "{worst:?}");
     }
 
     #[test]
     fn corners_lie_on_the_target_in_every_pose() {
-        let augment = Augment { rotation: 0.0, ..Augment::strong() };
+        let augment = Augment {
+            rotation: 0.0,
+            ..Augment::strong()
+        };
         let mut rng = Rng::new(3, 3, 3);
         for size in [239, 303] {
             for quarters in 0..4 {
                 for mirrored in [false, true] {
-                    for bbox in [BBox::new(60.0, 50.0, 37.0, 21.0), BBox::new(2.0, 3.0, 16.0, 30.0)] {
+                    for bbox in [
+                        BBox::new(60.0, 50.0, 37.0, 21.0),
+                        BBox::new(2.0, 3.0, 16.0, 30.0),
+                    ] {
                         let pose = Pose { quarters, mirrored };
                         let view = view(bbox);
-                        let (crop, corners) = search(&view, None, pose, size, true, &augment, &mut rng);
+                        let (crop, corners) =
+                            search(&view, None, pose, size, true, &augment, &mut rng);
                         for (found, expected) in bright(&crop, size).iter().zip(corners) {
                             let error = (found - expected).abs();
-                            assert!(error < 2.5, "{found}, expected {expected} at {pose:?} {bbox:?}");
+                            assert!(
+                                error < 2.5,
+                                "{found}, expected {expected} at {pose:?} {bbox:?}"
+                            );
                         }
                         let middle = bright(&template(&view, pose), 127);
                         let center = [(middle[0] + middle[2]) / 2.0, (middle[1] + middle[3]) / 2.0];
@@ -252,19 +317,46 @@ mod tests {
         let mut picture = Picture::new(101, 101, vec![0; 3 * 101 * 101]);
         picture.data[(50 * 101 + 60) * 3..][..3].fill(255);
         let bbox = BBox::new(35.0, 35.0, 31.0, 31.0);
-        let view = View { picture: Arc::new(picture), bbox };
+        let view = View {
+            picture: Arc::new(picture),
+            bbox,
+        };
         let none = Augment::none();
-        let quiet = Augment { scale: 0.0, shift: 0.0, ..none };
+        let quiet = Augment {
+            scale: 0.0,
+            shift: 0.0,
+            ..none
+        };
         for (quarters, mirrored) in [(0, false), (1, false), (2, true), (3, true), (3, false)] {
             let pose = Pose { quarters, mirrored };
             let center = |crop: &[u8], side: usize| {
-                let best = crop.chunks(3).enumerate().max_by_key(|(_, p)| p[0]).unwrap().0;
+                let best = crop
+                    .chunks(3)
+                    .enumerate()
+                    .max_by_key(|(_, p)| p[0])
+                    .unwrap()
+                    .0;
                 let middle = (side - 1) as f32 / 2.0;
                 [(best % side) as f32 - middle, (best / side) as f32 - middle]
             };
             let z = center(&template(&view, pose), 127);
-            let x = center(&search(&view, None, pose, 303, false, &quiet, &mut Rng::new(0, 0, 0)).0, 303);
-            assert!((z[0] - x[0]).abs() < 2.0 && (z[1] - x[1]).abs() < 2.0, "{pose:?}: {z:?} {x:?}");
+            let x = center(
+                &search(
+                    &view,
+                    None,
+                    pose,
+                    303,
+                    false,
+                    &quiet,
+                    &mut Rng::new(0, 0, 0),
+                )
+                .0,
+                303,
+            );
+            assert!(
+                (z[0] - x[0]).abs() < 2.0 && (z[1] - x[1]).abs() < 2.0,
+                "{pose:?}: {z:?} {x:?}"
+            );
         }
     }
 
@@ -277,10 +369,24 @@ mod tests {
         let (view, other) = (paint(90), paint(30));
         for i in 0..20 {
             let mut rng = Rng::new(i, 0, 0);
-            let pose = Pose { quarters: i as u8 % 4, mirrored: i % 3 == 0 };
-            let (crop, corners) = search(&view, Some(&other), pose, 303, true, &Augment::strong(), &mut rng);
+            let pose = Pose {
+                quarters: i as u8 % 4,
+                mirrored: i % 3 == 0,
+            };
+            let (crop, corners) = search(
+                &view,
+                Some(&other),
+                pose,
+                303,
+                true,
+                &Augment::strong(),
+                &mut rng,
+            );
             let dark = crop.iter().filter(|v| **v == 30).count();
-            assert!(dark > crop.len() / 8 && crop.iter().all(|v| [30, 90].contains(v)), "{dark}");
+            assert!(
+                dark > crop.len() / 8 && crop.iter().all(|v| [30, 90].contains(v)),
+                "{dark}"
+            );
             let middle = [0, 1].map(|k| (corners[k] + corners[k + 2]) as usize / 2);
             assert_eq!(crop[(middle[1] * 303 + middle[0]) * 3], 90);
         }
@@ -293,14 +399,33 @@ mod tests {
         let side = f64::from(37.0f32) * scale(37.0, 37.0, 0.5, 127);
         let (mut sizes, mut places) = (Vec::new(), Vec::new());
         for _ in 0..300 {
-            let (_, [x0, y0, x1, y1]) =
-                search(&view, None, Pose::default(), 303, false, &Augment::none(), &mut rng);
+            let (_, [x0, y0, x1, y1]) = search(
+                &view,
+                None,
+                Pose::default(),
+                303,
+                false,
+                &Augment::none(),
+                &mut rng,
+            );
             sizes.push(f64::from(x1 - x0 + 1.0) / side);
-            places.extend([f64::from(x0 + x1) / 2.0 - 151.0, f64::from(y0 + y1) / 2.0 - 151.0]);
+            places.extend([
+                f64::from(x0 + x1) / 2.0 - 151.0,
+                f64::from(y0 + y1) / 2.0 - 151.0,
+            ]);
         }
-        let bounds = |v: &[f64]| v.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        let bounds = |v: &[f64]| {
+            v.iter()
+                .fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)))
+        };
         let ((least, most), (left, right)) = (bounds(&sizes), bounds(&places));
-        assert!(least > 1.0 / 1.301 && least < 0.8 && most < 1.301 && most > 1.25, "{least}..{most}");
-        assert!(left > -60.7 && left < -57.0 && right < 60.7 && right > 57.0, "{left}..{right}");
+        assert!(
+            least > 1.0 / 1.301 && least < 0.8 && most < 1.301 && most > 1.25,
+            "{least}..{most}"
+        );
+        assert!(
+            left > -60.7 && left < -57.0 && right < 60.7 && right > 57.0,
+            "{left}..{right}"
+        );
     }
 }

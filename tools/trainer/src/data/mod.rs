@@ -146,7 +146,11 @@ impl Dataset {
             eprint!("{skipped}");
             if source.is_empty() {
                 let (data, what) = (spec.to_string(), source.unit().to_string());
-                return Err(Error::NoData { data, what, skipped: skipped.count() });
+                return Err(Error::NoData {
+                    data,
+                    what,
+                    skipped: skipped.count(),
+                });
             }
             eprintln!("{spec}: {}", source.describe());
             sources.push(source);
@@ -154,11 +158,22 @@ impl Dataset {
         let material = (0..album.len() as u32).map(PictureId).collect();
         let names = specs.iter().map(DataSpec::to_string).collect();
         let cumulative = running(specs.iter().map(|spec| spec.share));
-        let dataset = Dataset { options, album, sources, names, cumulative, material };
+        let dataset = Dataset {
+            options,
+            album,
+            sources,
+            names,
+            cumulative,
+            material,
+        };
         for (source, spec) in specs.iter().enumerate() {
             if !dataset.is_readable(source) {
                 let (data, what) = (spec.to_string(), "readable picture".to_owned());
-                return Err(Error::NoData { data, what, skipped: dataset.unreadable() });
+                return Err(Error::NoData {
+                    data,
+                    what,
+                    skipped: dataset.unreadable(),
+                });
             }
         }
         Ok(dataset)
@@ -197,26 +212,49 @@ impl Dataset {
         self.populate(&mut pair, index, &mut rng);
 
         let augment = &self.options.augment;
-        let beside = rng.chance(augment.beside).then(|| self.beside(&pair, index, &mut rng));
+        let beside = rng
+            .chance(augment.beside)
+            .then(|| self.beside(&pair, index, &mut rng));
         let quarter = augment.quarter * if pair.still { 2.0 } else { 1.0 };
         let pose = Pose {
-            quarters: if rng.chance(quarter) { 1 + rng.below(3) as u8 } else { 0 },
+            quarters: if rng.chance(quarter) {
+                1 + rng.below(3) as u8
+            } else {
+                0
+            },
             mirrored: rng.chance(augment.mirror),
         };
         let template = geometry::template(other.as_ref().unwrap_or(&pair.first), pose);
         let again = geometry::template(&pair.second, pose);
-        let (search, corners) =
-            geometry::search(&pair.second, beside.as_ref(), pose, search_size, pair.still, augment, &mut rng);
+        let (search, corners) = geometry::search(
+            &pair.second,
+            beside.as_ref(),
+            pose,
+            search_size,
+            pair.still,
+            augment,
+            &mut rng,
+        );
         let crops = [template, search, again];
         let [template, search, again] = photo::develop(crops, pair.still, augment, &mut rng);
-        Sample { template, search, again, search_size, corners, negative, source }
+        Sample {
+            template,
+            search,
+            again,
+            search_size,
+            corners,
+            negative,
+            source,
+        }
     }
 
     /// Two views of one target at different moments, just as they were taken; `None` if there seem to be none.
     pub fn moments(&self, index: u64) -> Option<(View, View)> {
         let mut rng = Rng::new(self.options.seed, 0x303e, index);
         let mut pairs = (0..TRIES).map(|_| self.pair(index, &mut rng).1);
-        pairs.find(|pair| !pair.still).map(|pair| (pair.first, pair.second))
+        pairs
+            .find(|pair| !pair.still)
+            .map(|pair| (pair.first, pair.second))
     }
 
     /// Two views of one target and the number of their source. A source that fails (a picture that cannot be read) is
@@ -232,13 +270,24 @@ impl Dataset {
     }
 
     fn pair_of(&self, source: usize, index: u64, rng: &mut Rng) -> Option<Pair> {
-        let pair = |first, second, still| Some(Pair { first, second, still, distractors: 0, target: None });
+        let pair = |first, second, still| {
+            Some(Pair {
+                first,
+                second,
+                still,
+                distractors: 0,
+                target: None,
+            })
+        };
         match &self.sources[source] {
             Source::Tracks(tracks) => {
                 let (target, [first, second]) = tracks.draw_pair(rng);
                 let still = tracks.track(target).shots.len() == 1;
                 let pair = pair(self.view(first)?, self.view(second)?, still)?;
-                Some(Pair { target: Some((source, target)), ..pair })
+                Some(Pair {
+                    target: Some((source, target)),
+                    ..pair
+                })
             }
             Source::Flights(flights) => {
                 let (first, second) = flights.draw_pair(index, rng)?;
@@ -254,26 +303,41 @@ impl Dataset {
             Source::Paste(pictures) => {
                 let first = self.album.get(*rng.pick(pictures))?;
                 let same = rng.chance(0.6);
-                let second = if same { first.clone() } else { self.album.get(*rng.pick(pictures))? };
+                let second = if same {
+                    first.clone()
+                } else {
+                    self.album.get(*rng.pick(pictures))?
+                };
                 let mut cutout = self.cutout(pictures, rng)?;
                 if rng.chance(self.options.augment.round) {
                     cutout = cutout.rounded(rng);
                 }
                 let (first, second) = paste::made_up_pair([&first, &second], &cutout, rng)?;
                 let distractors = *rng.pick(&[0, 0, 1, 1, 2, 3]);
-                Some(Pair { first, second, still: true, distractors, target: None })
+                Some(Pair {
+                    first,
+                    second,
+                    still: true,
+                    distractors,
+                    target: None,
+                })
             }
         }
     }
 
     fn view(&self, shot: Shot) -> Option<View> {
-        Some(View { picture: self.album.get(shot.picture)?, bbox: shot.bbox })
+        Some(View {
+            picture: self.album.get(shot.picture)?,
+            bbox: shot.bbox,
+        })
     }
 
     /// Another target of the same kind.
     fn kin(&self, target: Option<(usize, Target)>, rng: &mut Rng) -> Option<View> {
         let (source, target) = target?;
-        let Source::Tracks(tracks) = &self.sources[source] else { return None };
+        let Source::Tracks(tracks) = &self.sources[source] else {
+            return None;
+        };
         let kin = tracks.draw_kin(target, rng)?;
         self.view(*rng.pick(&kin.shots))
     }
@@ -332,9 +396,11 @@ fn open(
     skipped: &mut Skipped,
 ) -> Result<Source, Error> {
     Ok(match &spec.what {
-        What::Scenes => {
-            Source::Flights(Flights::new(options.seed, spec.share / total, options.pairs_per_flight))
-        }
+        What::Scenes => Source::Flights(Flights::new(
+            options.seed,
+            spec.share / total,
+            options.pairs_per_flight,
+        )),
         What::Annotated(path) => Source::Tracks(tracks_of(path, options, album, skipped)?),
         What::Patches(path) => Source::Patches(pictures_of(path, album, skipped)?),
         What::Paste(path) => Source::Paste(pictures_of(path, album, skipped)?),
@@ -352,14 +418,26 @@ fn tracks_of(
         return Ok(Tracks::from_rows(rows, album, options.rules, skipped));
     }
     let sequences = sequences::find(path, skipped)?;
-    Ok(Tracks::from_sequences(sequences, album, options.rules, skipped))
+    Ok(Tracks::from_sequences(
+        sequences,
+        album,
+        options.rules,
+        skipped,
+    ))
 }
 
 /// All pictures below a folder, or those of an annotation file.
-fn pictures_of(path: &Path, album: &mut Album, skipped: &mut Skipped) -> Result<Vec<PictureId>, Error> {
+fn pictures_of(
+    path: &Path,
+    album: &mut Album,
+    skipped: &mut Skipped,
+) -> Result<Vec<PictureId>, Error> {
     let mut files = match path.is_dir() {
         true => sequences::pictures_below(path)?,
-        false => rows::read(path, skipped)?.into_iter().map(|row| row.path).collect(),
+        false => rows::read(path, skipped)?
+            .into_iter()
+            .map(|row| row.path)
+            .collect(),
     };
     files.sort();
     files.dedup();
@@ -385,9 +463,13 @@ impl Source {
 
     fn describe(&self) -> String {
         match self {
-            Source::Tracks(tracks) => format!("{} targets, {} frames", tracks.len(), tracks.shots()),
+            Source::Tracks(tracks) => {
+                format!("{} targets, {} frames", tracks.len(), tracks.shots())
+            }
             Source::Flights(_) => "rendered flights without end".into(),
-            Source::Patches(pictures) | Source::Paste(pictures) => format!("{} pictures", pictures.len()),
+            Source::Patches(pictures) | Source::Paste(pictures) => {
+                format!("{} pictures", pictures.len())
+            }
         }
     }
 }

@@ -20,7 +20,12 @@ pub struct PairRules {
 
 impl Default for PairRules {
     fn default() -> PairRules {
-        PairRules { max_gap: 100, compat: false, max_aspect: 10.0, min_side: 3.0 }
+        PairRules {
+            max_gap: 100,
+            compat: false,
+            max_aspect: 10.0,
+            min_side: 3.0,
+        }
     }
 }
 
@@ -37,7 +42,11 @@ impl PairRules {
     pub fn draw(&self, rng: &mut Rng, shots: &[Shot]) -> (Shot, Shot) {
         let first = *rng.pick(shots);
         let earliest = first.number.saturating_sub(self.max_gap);
-        let latest = if self.compat { u32::MAX } else { first.number.saturating_add(self.max_gap) };
+        let latest = if self.compat {
+            u32::MAX
+        } else {
+            first.number.saturating_add(self.max_gap)
+        };
         let start = shots.partition_point(|shot| shot.number < earliest);
         let end = shots.partition_point(|shot| shot.number <= latest);
         (first, *rng.pick(&shots[start..end]))
@@ -59,8 +68,11 @@ mod tests {
     use crate::data::picture::PictureId;
 
     fn shots(numbers: impl Iterator<Item = u32>) -> Vec<Shot> {
-        let shot =
-            |number| Shot { picture: PictureId(number), bbox: BBox::new(0.0, 0.0, 20.0, 20.0), number };
+        let shot = |number| Shot {
+            picture: PictureId(number),
+            bbox: BBox::new(0.0, 0.0, 20.0, 20.0),
+            number,
+        };
         numbers.map(shot).collect()
     }
 
@@ -74,8 +86,14 @@ mod tests {
         };
         let rules = PairRules::default();
         let gaps: Vec<_> = (0..2000).map(|_| gap(&rules, &mut rng)).collect();
-        assert_eq!((gaps.iter().min(), gaps.iter().max()), (Some(&-100), Some(&100)));
-        let compat = PairRules { compat: true, ..rules };
+        assert_eq!(
+            (gaps.iter().min(), gaps.iter().max()),
+            (Some(&-100), Some(&100))
+        );
+        let compat = PairRules {
+            compat: true,
+            ..rules
+        };
         let gaps: Vec<_> = (0..2000).map(|_| gap(&compat, &mut rng)).collect();
         assert_eq!(gaps.iter().min(), Some(&-100));
         assert!(gaps.iter().max() > Some(&800));
@@ -89,8 +107,20 @@ mod tests {
         assert!(!rules.accepts(&BBox::new(0.0, 0.0, 2.0, 8.0)));
         assert!(!rules.accepts(&BBox::new(0.0, 0.0, 10.0, 100.0)));
         assert!(rules.accepts(&BBox::new(0.0, 0.0, 99.0, 10.0)));
-        assert!(share_is_usable(&BBox::new(0.0, 0.0, 40.0, 40.0), 1000, 1000));
-        assert!(!share_is_usable(&BBox::new(0.0, 0.0, 30.0, 30.0), 1000, 1000));
-        assert!(!share_is_usable(&BBox::new(0.0, 0.0, 800.0, 800.0), 1000, 1000));
+        assert!(share_is_usable(
+            &BBox::new(0.0, 0.0, 40.0, 40.0),
+            1000,
+            1000
+        ));
+        assert!(!share_is_usable(
+            &BBox::new(0.0, 0.0, 30.0, 30.0),
+            1000,
+            1000
+        ));
+        assert!(!share_is_usable(
+            &BBox::new(0.0, 0.0, 800.0, 800.0),
+            1000,
+            1000
+        ));
     }
 }

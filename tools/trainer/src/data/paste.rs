@@ -33,12 +33,18 @@ impl Body {
     fn random(rng: &mut Rng) -> Body {
         let (height, round) = (rng.range(0.3, 1.0), rng.range(0.0, TAU));
         let flat = (1.0 - height * height).sqrt();
-        Body { turned: [0.0; 2], light: [flat * round.cos(), flat * round.sin(), height] }
+        Body {
+            turned: [0.0; 2],
+            light: [flat * round.cos(), flat * round.sin(), height],
+        }
     }
 
     /// The same body some time later.
     fn later(self, rng: &mut Rng) -> Body {
-        Body { turned: [rng.range(-1.0, 1.0), rng.range(-0.4, 0.4)], ..self }
+        Body {
+            turned: [rng.range(-1.0, 1.0), rng.range(-0.4, 0.4)],
+            ..self
+        }
     }
 
     /// Where the picture that is wrapped around the body is seen at a place within the outline, in half sizes from its
@@ -49,7 +55,10 @@ impl Body {
         let ((sin, cos), (rise, level)) = (self.turned[0].sin_cos(), self.turned[1].sin_cos());
         let (x, z) = (u * cos + z * sin, z * cos - u * sin);
         let (y, z) = (v * level + z * rise, z * level - v * rise);
-        let at = [x.atan2(z) / FRAC_PI_2, y.clamp(-1.0, 1.0).asin() / FRAC_PI_2];
+        let at = [
+            x.atan2(z) / FRAC_PI_2,
+            y.clamp(-1.0, 1.0).asin() / FRAC_PI_2,
+        ];
         (at, 0.6 + 0.5 * facing.max(0.0))
     }
 }
@@ -78,7 +87,11 @@ impl Outline {
         match rng.unit() {
             u if u < 0.25 => Outline::Rectangle,
             u if u < 0.6 => Outline::Star(vec![1.0]), // ellipse
-            _ => Outline::Star((0..5 + rng.below(7)).map(|_| rng.range(0.55, 1.0)).collect()),
+            _ => Outline::Star(
+                (0..5 + rng.below(7))
+                    .map(|_| rng.range(0.55, 1.0))
+                    .collect(),
+            ),
         }
     }
 
@@ -101,7 +114,13 @@ impl Cutout {
     /// A random textured part, of `aspect` = width over height, its sides about `side` picture pixels.
     pub fn random(picture: &Arc<Picture>, aspect: f32, side: f32, rng: &mut Rng) -> Cutout {
         let bbox = textured_box(picture, aspect, side, rng);
-        Cutout::of(&View { picture: picture.clone(), bbox }, rng)
+        Cutout::of(
+            &View {
+                picture: picture.clone(),
+                bbox,
+            },
+            rng,
+        )
     }
 
     /// A target: what lies in its box.
@@ -112,14 +131,19 @@ impl Cutout {
             center: [center.cx, center.cy],
             half: [view.bbox.w / 2.0, view.bbox.h / 2.0],
             outline: Outline::random(rng),
-            curves: rng.chance(0.5).then(|| Box::new(curves(rng, 0.35, 0.3, 0.15))),
+            curves: rng
+                .chance(0.5)
+                .then(|| Box::new(curves(rng, 0.35, 0.3, 0.15))),
             body: None,
         }
     }
 
     /// The same thing as something round.
     pub fn rounded(self, rng: &mut Rng) -> Cutout {
-        Cutout { body: Some(Body::random(rng)), ..self }
+        Cutout {
+            body: Some(Body::random(rng)),
+            ..self
+        }
     }
 
     /// Width over height.
@@ -173,13 +197,23 @@ impl Cutout {
     /// Color at a place within the outline.
     fn sample(&self, u: f32, v: f32) -> [u8; 3] {
         let ([u, v], brightness) = self.body.map_or(([u, v], 1.0), |body| body.look(u, v));
-        let Picture { width, height, data, .. } = &*self.picture;
+        let Picture {
+            width,
+            height,
+            data,
+            ..
+        } = &*self.picture;
         let x = (self.center[0] + u * self.half[0]).clamp(0.0, (width - 1) as f32);
         let y = (self.center[1] + v * self.half[1]).clamp(0.0, (height - 1) as f32);
         let (left, top) = (x as usize, y as usize);
         let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
         let pixel = |x: usize, y: usize| &data[(y * width + x) * 3..][..3];
-        let corners = [pixel(left, top), pixel(right, top), pixel(left, bottom), pixel(right, bottom)];
+        let corners = [
+            pixel(left, top),
+            pixel(right, top),
+            pixel(left, bottom),
+            pixel(right, bottom),
+        ];
         let mut color = [0, 1, 2].map(|k| blend(corners.map(|c| c[k]), x.fract(), y.fract()));
         if let Some(curves) = &self.curves {
             apply(&mut color, curves);
@@ -239,11 +273,21 @@ pub fn distractors(
         let root = cutout.aspect().sqrt();
         let size = [side * root, side / root];
         for _ in 0..6 {
-            let center = [target.cx + rng.range(-reach, reach), target.cy + rng.range(-reach, reach)];
+            let center = [
+                target.cx + rng.range(-reach, reach),
+                target.cy + rng.range(-reach, reach),
+            ];
             let apart = (center[0] - target.cx).abs() > (size[0] + bbox.w) / 2.0
                 || (center[1] - target.cy).abs() > (size[1] + bbox.h) / 2.0;
             if apart {
-                cutout.paste(picture, &Place { center, size, angle: rng.range(-0.5, 0.5) });
+                cutout.paste(
+                    picture,
+                    &Place {
+                        center,
+                        size,
+                        angle: rng.range(-0.5, 0.5),
+                    },
+                );
                 break;
             }
         }
@@ -254,41 +298,87 @@ pub fn distractors(
 pub fn occlude(picture: &mut Picture, bbox: &BBox, cutout: &Cutout, rng: &mut Rng) {
     let (sin, cos) = rng.range(0.0, TAU).sin_cos();
     let target = bbox.center();
-    let center = [target.cx + cos * bbox.w * 0.45, target.cy + sin * bbox.h * 0.45];
+    let center = [
+        target.cx + cos * bbox.w * 0.45,
+        target.cy + sin * bbox.h * 0.45,
+    ];
     let size = [bbox.w * rng.range(0.4, 0.65), bbox.h * rng.range(0.4, 0.65)];
-    cutout.paste(picture, &Place { center, size, angle: 0.0 });
+    cutout.paste(
+        picture,
+        &Place {
+            center,
+            size,
+            angle: 0.0,
+        },
+    );
 }
 
 /// Two pictures of one cutout before other backgrounds, or before the same one in another place.
 ///
 /// `None` if it came to lie where nothing of it is left.
-pub fn made_up_pair(backgrounds: [&Arc<Picture>; 2], cutout: &Cutout, rng: &mut Rng) -> Option<(View, View)> {
+pub fn made_up_pair(
+    backgrounds: [&Arc<Picture>; 2],
+    cutout: &Cutout,
+    rng: &mut Rng,
+) -> Option<(View, View)> {
     let least = |p: &Picture| p.width.min(p.height) as f32;
-    let side = rng.log_range(14.0, 72.0).min(0.25 * least(backgrounds[0]).min(least(backgrounds[1])));
+    let side = rng
+        .log_range(14.0, 72.0)
+        .min(0.25 * least(backgrounds[0]).min(least(backgrounds[1])));
     let root = cutout.aspect().sqrt();
     let size = [side * root, side / root];
     let within = |p: &Picture, rng: &mut Rng| {
-        [p.width as f32 * rng.range(0.15, 0.85), p.height as f32 * rng.range(0.15, 0.85)]
+        [
+            p.width as f32 * rng.range(0.15, 0.85),
+            p.height as f32 * rng.range(0.15, 0.85),
+        ]
     };
     let first = within(backgrounds[0], rng);
     let second = if Arc::ptr_eq(backgrounds[0], backgrounds[1]) {
         let limit = [backgrounds[0].width as f32, backgrounds[0].height as f32];
-        [0, 1].map(|k| (first[k] + rng.range(-2.0, 2.0) * side).clamp(0.1 * limit[k], 0.9 * limit[k]))
+        [0, 1]
+            .map(|k| (first[k] + rng.range(-2.0, 2.0) * side).clamp(0.1 * limit[k], 0.9 * limit[k]))
     } else {
         within(backgrounds[1], rng)
     };
     let stretch = rng.factor(0.12);
-    let angle = if rng.chance(0.6) { rng.range(-0.25, 0.25) } else { 0.0 };
+    let angle = if rng.chance(0.6) {
+        rng.range(-0.25, 0.25)
+    } else {
+        0.0
+    };
     let grown = rng.factor(0.2);
     let other = [size[0] * stretch * grown, size[1] / stretch * grown];
-    let later = Cutout { body: cutout.body.map(|body| body.later(rng)), ..cutout.clone() };
+    let later = Cutout {
+        body: cutout.body.map(|body| body.later(rng)),
+        ..cutout.clone()
+    };
     let view = |cutout: &Cutout, background: &Arc<Picture>, place: &Place| {
         let mut picture = Picture::clone(background);
         let bbox = cutout.paste(&mut picture, place)?;
-        Some(View { picture: Arc::new(picture), bbox })
+        Some(View {
+            picture: Arc::new(picture),
+            bbox,
+        })
     };
-    let first = view(cutout, backgrounds[0], &Place { center: first, size, angle: 0.0 })?;
-    let second = view(&later, backgrounds[1], &Place { center: second, size: other, angle })?;
+    let first = view(
+        cutout,
+        backgrounds[0],
+        &Place {
+            center: first,
+            size,
+            angle: 0.0,
+        },
+    )?;
+    let second = view(
+        &later,
+        backgrounds[1],
+        &Place {
+            center: second,
+            size: other,
+            angle,
+        },
+    )?;
     Some((first, second))
 }
 
@@ -313,12 +403,20 @@ mod tests {
                 size: [rng.range(6.0, 40.0), rng.range(6.0, 40.0)],
                 angle: rng.range(-1.0, 1.0),
             };
-            let Some(bbox) = cutout.paste(&mut canvas, &place) else { continue };
+            let Some(bbox) = cutout.paste(&mut canvas, &place) else {
+                continue;
+            };
             let bright = |x: usize, y: usize| canvas.data[(y * 90 + x) * 3] > 128;
             let columns: Vec<_> = (0..90).filter(|x| (0..70).any(|y| bright(*x, y))).collect();
             let rows: Vec<_> = (0..70).filter(|y| (0..90).any(|x| bright(x, *y))).collect();
-            let expected = [columns[0], rows[0], columns[columns.len() - 1], rows[rows.len() - 1]];
-            let found = [bbox.x, bbox.y, bbox.x + bbox.w - 1.0, bbox.y + bbox.h - 1.0].map(|v| v as usize);
+            let expected = [
+                columns[0],
+                rows[0],
+                columns[columns.len() - 1],
+                rows[rows.len() - 1],
+            ];
+            let found =
+                [bbox.x, bbox.y, bbox.x + bbox.w - 1.0, bbox.y + bbox.h - 1.0].map(|v| v as usize);
             for (a, b) in found.iter().zip(expected) {
                 assert!(a.abs_diff(b) <= 1, "{i}: {found:?}, expected {expected:?}");
             }
@@ -329,10 +427,17 @@ mod tests {
     fn ellipses_and_rectangles_have_their_size() {
         let white = plain(255, 40, 30);
         for outline in [Outline::Rectangle, Outline::Star(vec![1.0])] {
-            let cutout =
-                Cutout { outline, curves: None, ..Cutout::random(&white, 1.0, 10.0, &mut Rng::new(0, 0, 0)) };
+            let cutout = Cutout {
+                outline,
+                curves: None,
+                ..Cutout::random(&white, 1.0, 10.0, &mut Rng::new(0, 0, 0))
+            };
             let mut canvas = Picture::clone(&plain(0, 90, 70));
-            let place = Place { center: [44.5, 30.5], size: [30.0, 20.0], angle: 0.0 };
+            let place = Place {
+                center: [44.5, 30.5],
+                size: [30.0, 20.0],
+                angle: 0.0,
+            };
             let bbox = cutout.paste(&mut canvas, &place).unwrap();
             assert_eq!(bbox, BBox::new(30.0, 21.0, 30.0, 20.0));
         }
@@ -340,15 +445,24 @@ mod tests {
 
     #[test]
     fn a_ball_shows_its_picture_and_turns() {
-        let front = Body { turned: [0.0; 2], light: [0.0, 0.0, 1.0] };
+        let front = Body {
+            turned: [0.0; 2],
+            light: [0.0, 0.0, 1.0],
+        };
         assert_eq!(front.look(0.0, 0.0), ([0.0; 2], 1.1));
         let ([right, level], dim) = front.look(1.0, 0.0);
         assert!((right - 1.0).abs() < 1e-6 && level == 0.0 && (dim - 0.6).abs() < 1e-6);
         // Turned by a quarter about its upright axis, what was at the rim is in the middle.
-        let turned = Body { turned: [FRAC_PI_2, 0.0], ..front };
+        let turned = Body {
+            turned: [FRAC_PI_2, 0.0],
+            ..front
+        };
         assert!((turned.look(0.0, 0.0).0[0] - 1.0).abs() < 1e-6);
         assert!((turned.look(-1.0, 0.0).0[0]).abs() < 1e-6);
-        let nodding = Body { turned: [0.0, FRAC_PI_2], ..front };
+        let nodding = Body {
+            turned: [0.0, FRAC_PI_2],
+            ..front
+        };
         assert!((nodding.look(0.0, 0.0).0[1] - 1.0).abs() < 1e-3);
     }
 
@@ -384,7 +498,9 @@ mod tests {
         for i in 0..100 {
             let cutout = Cutout::random(&a, rng.factor(1.0), 60.0, &mut rng);
             let backgrounds = if i % 2 == 0 { [&a, &a] } else { [&a, &b] };
-            let Some((first, second)) = made_up_pair(backgrounds, &cutout, &mut rng) else { continue };
+            let Some((first, second)) = made_up_pair(backgrounds, &cutout, &mut rng) else {
+                continue;
+            };
             made += 1;
             for view in [first, second] {
                 let BBox { x, y, w, h } = view.bbox;

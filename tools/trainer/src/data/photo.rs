@@ -13,17 +13,23 @@ type Curves = [[u8; 256]; 3];
 ///
 /// What a `still` does not show of time's passing is made up for by more changes between its crops.
 pub fn develop(crops: [Vec<u8>; 3], still: bool, augment: &Augment, rng: &mut Rng) -> [Vec<u8>; 3] {
-    let shared = rng.chance(augment.shared_color).then(|| curves(rng, 0.3, 0.25, 0.12));
+    let shared = rng
+        .chance(augment.shared_color)
+        .then(|| curves(rng, 0.3, 0.25, 0.12));
     let own_chance = augment.own_color * if still { 2.0 } else { 1.0 };
     let own = rng.chance(own_chance).then(|| curves(rng, 0.2, 0.2, 0.06));
-    let ramp = rng.chance(augment.side_light).then(|| (rng.range(0.0, TAU), rng.range(0.15, 0.6)));
+    let ramp = rng
+        .chance(augment.side_light)
+        .then(|| (rng.range(0.0, TAU), rng.range(0.15, 0.6)));
     let saturation = if rng.chance(augment.gray) {
         Some(0.0)
     } else {
         rng.chance(augment.saturation).then(|| rng.range(0.4, 1.3))
     };
     let inverted = still && rng.chance(augment.invert);
-    let coarse = rng.chance(augment.low_resolution).then(|| rng.range(0.3, 1.6).exp());
+    let coarse = rng
+        .chance(augment.low_resolution)
+        .then(|| rng.range(0.3, 1.6).exp());
     let quality = if still { 1.6 } else { 0.8 };
     let mut number = 0;
     crops.map(|mut crop| {
@@ -80,7 +86,9 @@ fn side_light(image: &mut [u8], side: usize, angle: f32, reach: f32) {
     for (y, row) in image.chunks_exact_mut(3 * side).enumerate() {
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
             let gain = 1.0 + reach * (cos * place(x) + sin * place(y)).clamp(-1.0, 1.0);
-            pixel.iter_mut().for_each(|value| *value = (f32::from(*value) * gain) as u8); // saturates
+            pixel
+                .iter_mut()
+                .for_each(|value| *value = (f32::from(*value) * gain) as u8); // saturates
         }
     }
 }
@@ -124,12 +132,18 @@ mod tests {
 
     #[test]
     fn nothing_changes_without_augmentation() {
-        assert_eq!(develop(crops(), true, &Augment::none(), &mut Rng::new(0, 0, 0)), crops());
+        assert_eq!(
+            develop(crops(), true, &Augment::none(), &mut Rng::new(0, 0, 0)),
+            crops()
+        );
     }
 
     #[test]
     fn gray_is_gray_and_half_color_is_half_as_far_from_it() {
-        let gray = Augment { gray: 1.0, ..Augment::none() };
+        let gray = Augment {
+            gray: 1.0,
+            ..Augment::none()
+        };
         for crop in develop(crops(), false, &gray, &mut Rng::new(0, 0, 0)) {
             assert!(crop.chunks(3).all(|p| p[0] == p[1] && p[1] == p[2]));
         }
@@ -142,8 +156,14 @@ mod tests {
     fn shared_changes_are_shared_and_own_ones_spare_the_template() {
         let same = [vec![40; 27], vec![40; 27], vec![40; 27]];
         let mut rng = Rng::new(2, 0, 0);
-        let shared = Augment { shared_color: 1.0, ..Augment::none() };
-        let own = Augment { own_color: 1.0, ..Augment::none() };
+        let shared = Augment {
+            shared_color: 1.0,
+            ..Augment::none()
+        };
+        let own = Augment {
+            own_color: 1.0,
+            ..Augment::none()
+        };
         for _ in 0..20 {
             let [z, x, again] = develop(same.clone(), false, &shared, &mut rng);
             assert!(z == x && x == again);
@@ -157,14 +177,21 @@ mod tests {
         let mut image = vec![100; 21 * 21 * 3];
         side_light(&mut image, 21, 0.0, 0.5);
         let at = |x: usize| image[(7 * 21 + x) * 3];
-        assert!((50..55).contains(&at(0)) && (97..100).contains(&at(10)) && (143..150).contains(&at(20)));
+        assert!(
+            (50..55).contains(&at(0))
+                && (97..100).contains(&at(10))
+                && (143..150).contains(&at(20))
+        );
     }
 
     #[test]
     fn strong_augmentation_keeps_sizes() {
         let mut rng = Rng::new(3, 0, 0);
         for _ in 0..40 {
-            for (found, given) in develop(crops(), true, &Augment::strong(), &mut rng).iter().zip(crops()) {
+            for (found, given) in develop(crops(), true, &Augment::strong(), &mut rng)
+                .iter()
+                .zip(crops())
+            {
                 assert_eq!(found.len(), given.len());
             }
         }

@@ -24,10 +24,18 @@ impl Picture {
     ///
     /// Panics if a side is 0 or `data` has not `3 * width * height` bytes.
     pub fn new(width: usize, height: usize, data: Vec<u8>) -> Picture {
-        assert!(width > 0 && height > 0 && data.len() == 3 * width * height, "picture {width}x{height}");
-        let border =
-            Frame::new(&data, width, height, ChannelOrder::Rgb).map_or([0; 3], |frame| frame.mean_bgr());
-        Picture { width, height, data, border }
+        assert!(
+            width > 0 && height > 0 && data.len() == 3 * width * height,
+            "picture {width}x{height}"
+        );
+        let border = Frame::new(&data, width, height, ChannelOrder::Rgb)
+            .map_or([0; 3], |frame| frame.mean_bgr());
+        Picture {
+            width,
+            height,
+            data,
+            border,
+        }
     }
 
     /// Reads a picture file.
@@ -36,13 +44,20 @@ impl Picture {
     /// Says why the file is not a picture; the path is not in the text.
     pub fn read(path: &Path) -> Result<Picture, String> {
         let mut source = Source::open(&Input::new(path)).map_err(|error| error.to_string())?;
-        let image = source.next().ok_or("no picture in it")?.map_err(|error| error.to_string())?;
+        let image = source
+            .next()
+            .ok_or("no picture in it")?
+            .map_err(|error| error.to_string())?;
         let data = match image.order {
             ChannelOrder::Rgb => image.data,
             _ => {
                 let bytes = image.order.bytes_per_pixel();
                 let [b, g, r] = image.order.bgr_offsets();
-                image.data.chunks_exact(bytes).flat_map(|pixel| [pixel[r], pixel[g], pixel[b]]).collect()
+                image
+                    .data
+                    .chunks_exact(bytes)
+                    .flat_map(|pixel| [pixel[r], pixel[g], pixel[b]])
+                    .collect()
             }
         };
         Ok(Picture::new(image.width, image.height, data))
@@ -79,7 +94,12 @@ struct Kept {
 impl Album {
     /// An album that keeps at most `bound` bytes of pixels.
     pub fn new(bound: usize) -> Album {
-        Album { paths: Vec::new(), numbers: HashMap::new(), kept: Mutex::default(), bound }
+        Album {
+            paths: Vec::new(),
+            numbers: HashMap::new(),
+            kept: Mutex::default(),
+            bound,
+        }
     }
 
     /// The number of a file; the same for the same path.
@@ -145,7 +165,9 @@ impl Album {
         kept.pictures.insert(id, picture.clone());
         kept.order.push_back(id);
         while kept.bytes > self.bound {
-            let Some(oldest) = kept.order.pop_front() else { break };
+            let Some(oldest) = kept.order.pop_front() else {
+                break;
+            };
             if let Some(gone) = kept.pictures.remove(&oldest) {
                 kept.bytes -= gone.data.len();
             }
@@ -154,7 +176,9 @@ impl Album {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        self.kept
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 }
 
@@ -170,7 +194,9 @@ mod tests {
         let ids: Vec<_> = (0..5u8)
             .map(|i| {
                 let path = folder.path().join(format!("{i}.png"));
-                image::RgbImage::from_pixel(4, 4, image::Rgb([i, 2 * i, 3 * i])).save(&path).unwrap();
+                image::RgbImage::from_pixel(4, 4, image::Rgb([i, 2 * i, 3 * i]))
+                    .save(&path)
+                    .unwrap();
                 album.add(path)
             })
             .collect();
@@ -188,7 +214,9 @@ mod tests {
         let missing = album.add(folder.path().join("missing.png"));
         std::fs::write(folder.path().join("text.png"), "no picture").unwrap();
         let text = album.add(folder.path().join("text.png"));
-        assert!(album.get(missing).is_none() && album.get(text).is_none() && album.get(text).is_none());
+        assert!(
+            album.get(missing).is_none() && album.get(text).is_none() && album.get(text).is_none()
+        );
         assert_eq!(album.unreadable(), 2);
         assert_eq!(album.add(folder.path().join("0.png")), ids[0]);
     }

@@ -35,8 +35,14 @@ const MAX_JSON_BYTES: u64 = 1 << 30;
 /// # Errors
 /// If the file cannot be read, or lacks a column that every row needs.
 pub fn read(file: &Path, skipped: &mut Skipped) -> Result<Vec<Row>, Error> {
-    let json = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-    let raw = if json { read_json(file, skipped)? } else { read_csv(file, skipped)? };
+    let json = file
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    let raw = if json {
+        read_json(file, skipped)?
+    } else {
+        read_csv(file, skipped)?
+    };
     let root = root(file, &raw);
     let mut rows = Vec::with_capacity(raw.len());
     for (place, fields) in raw {
@@ -56,13 +62,27 @@ type Placed = (u64, Fields);
 
 fn read_csv(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
     let handle = File::open(file).map_err(Error::io(file))?;
-    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(handle);
-    let header = reader.headers().map_err(|error| Error::file(file, "a CSV header", error))?.clone();
-    let has = |names: &[&str]| names.iter().any(|name| header.iter().any(|column| column == *name));
+    let mut reader = csv::ReaderBuilder::new()
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(handle);
+    let header = reader
+        .headers()
+        .map_err(|error| Error::file(file, "a CSV header", error))?
+        .clone();
+    let has = |names: &[&str]| {
+        names
+            .iter()
+            .any(|name| header.iter().any(|column| column == *name))
+    };
     for names in [&["path", "file"][..], &["x"], &["y"], &["w"], &["h"]] {
         if !has(names) {
             let found = header.iter().collect::<Vec<_>>().join(",");
-            return Err(Error::file(file, format!("a header with a column {:?}", names[0]), found));
+            return Err(Error::file(
+                file,
+                format!("a header with a column {:?}", names[0]),
+                found,
+            ));
         }
     }
     let mut rows = Vec::new();
@@ -84,7 +104,10 @@ fn read_csv(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
             skipped.add(format!("{}:{line}", file.display()), reason);
             continue;
         }
-        let fields = header.iter().zip(&record).map(|(name, value)| (name.into(), value.into()));
+        let fields = header
+            .iter()
+            .zip(&record)
+            .map(|(name, value)| (name.into(), value.into()));
         rows.push((line, fields.collect()));
     }
     Ok(rows)
@@ -93,24 +116,40 @@ fn read_csv(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
 fn read_json(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
     let mut text = String::new();
     let handle = File::open(file).map_err(Error::io(file))?;
-    handle.take(MAX_JSON_BYTES).read_to_string(&mut text).map_err(Error::io(file))?;
-    let value: Value =
-        serde_json::from_str(&text).map_err(|error| Error::file(file, "a JSON array of objects", error))?;
+    handle
+        .take(MAX_JSON_BYTES)
+        .read_to_string(&mut text)
+        .map_err(Error::io(file))?;
+    let value: Value = serde_json::from_str(&text)
+        .map_err(|error| Error::file(file, "a JSON array of objects", error))?;
     let Value::Array(objects) = value else {
-        return Err(Error::file(file, "a JSON array of objects", "something else"));
+        return Err(Error::file(
+            file,
+            "a JSON array of objects",
+            "something else",
+        ));
     };
     let mut rows = Vec::new();
     for (number, object) in objects.into_iter().enumerate() {
         let number = number as u64;
         let Value::Object(object) = object else {
-            skipped.add(format!("{}:{number}", file.display()), "not an object".into());
+            skipped.add(
+                format!("{}:{number}", file.display()),
+                "not an object".into(),
+            );
             continue;
         };
         let text = |value: Value| match value {
             Value::String(text) => text,
             other => other.to_string(),
         };
-        rows.push((number, object.into_iter().map(|(name, value)| (name, text(value))).collect()));
+        rows.push((
+            number,
+            object
+                .into_iter()
+                .map(|(name, value)| (name, text(value)))
+                .collect(),
+        ));
     }
     Ok(rows)
 }
@@ -142,23 +181,44 @@ fn name(fields: &Fields) -> Option<&String> {
 fn row(root: &Path, fields: &Fields) -> Result<Row, String> {
     let number = |key: &str| {
         let text = fields.get(key).ok_or(format!("no {key:?}"))?;
-        let value: f32 = text.parse().map_err(|_| format!("{key} is {text:?}, expected a number"))?;
-        if value.is_finite() { Ok(value) } else { Err(format!("{key} is {value}, expected a finite number")) }
+        let value: f32 = text
+            .parse()
+            .map_err(|_| format!("{key} is {text:?}, expected a number"))?;
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(format!("{key} is {value}, expected a finite number"))
+        }
     };
     let bbox = BBox::new(number("x")?, number("y")?, number("w")?, number("h")?);
     if bbox.w <= 0.0 || bbox.h <= 0.0 {
-        return Err(format!("box of {} x {} pixels, expected both above 0", bbox.w, bbox.h));
+        return Err(format!(
+            "box of {} x {} pixels, expected both above 0",
+            bbox.w, bbox.h
+        ));
     }
     let path = root.join(name(fields).ok_or("no \"path\"")?);
     if !path.is_file() {
         return Err(format!("picture {} is missing", path.display()));
     }
     let frame = match fields.get("frame") {
-        Some(text) => text.parse().map_err(|_| format!("frame is {text:?}, expected a number"))?,
+        Some(text) => text
+            .parse()
+            .map_err(|_| format!("frame is {text:?}, expected a number"))?,
         None => 0,
     };
-    let group = fields.get("source").or_else(|| fields.get("label")).cloned().unwrap_or_default();
-    Ok(Row { path, bbox, track: fields.get("track").cloned(), frame, group })
+    let group = fields
+        .get("source")
+        .or_else(|| fields.get("label"))
+        .cloned()
+        .unwrap_or_default();
+    Ok(Row {
+        path,
+        bbox,
+        track: fields.get("track").cloned(),
+        frame,
+        group,
+    })
 }
 
 #[cfg(test)]
@@ -194,7 +254,10 @@ mod tests {
         let rows = read(&file, &mut skipped).unwrap();
         assert_eq!(rows.len(), 2);
         assert_eq!(rows[0].bbox, BBox::new(1.0, 2.0, 30.5, 4.0));
-        assert_eq!((rows[0].track.as_deref(), rows[0].frame, &rows[0].group[..]), (Some("t"), 7, "s"));
+        assert_eq!(
+            (rows[0].track.as_deref(), rows[0].frame, &rows[0].group[..]),
+            (Some("t"), 7, "s")
+        );
         let text = skipped.to_string();
         for (line, reason) in [
             (3, "missing.png is missing"),
@@ -206,7 +269,8 @@ mod tests {
         ] {
             let line = format!("index.csv:{line}: ");
             assert!(
-                text.lines().any(|l| l.contains(&line) && l.contains(reason)),
+                text.lines()
+                    .any(|l| l.contains(&line) && l.contains(reason)),
                 "{line}{reason} not in {text}"
             );
         }
@@ -225,7 +289,10 @@ mod tests {
         let mut skipped = Skipped::default();
         let rows = read(&file, &mut skipped).unwrap();
         assert_eq!((rows.len(), skipped.count()), (1, 2));
-        assert_eq!((rows[0].bbox.w, rows[0].track.clone(), &rows[0].group[..]), (30.5, None, "l"));
+        assert_eq!(
+            (rows[0].bbox.w, rows[0].track.clone(), &rows[0].group[..]),
+            (30.5, None, "l")
+        );
     }
 
     #[test]
@@ -234,7 +301,9 @@ mod tests {
         let write = |name: &str, text: &str| {
             let file = folder.path().join(name);
             std::fs::write(&file, text).unwrap();
-            read(&file, &mut Skipped::default()).unwrap_err().to_string()
+            read(&file, &mut Skipped::default())
+                .unwrap_err()
+                .to_string()
         };
         assert!(write("a.csv", "path,x,y,w\n").contains("column \"h\""));
         assert!(write("a.json", "{}").contains("array of objects"));

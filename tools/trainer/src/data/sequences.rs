@@ -94,15 +94,28 @@ fn walk(folder: &Path, depth: usize, found: &mut Found) -> Result<(), Error> {
     entries.sort();
     for path in entries {
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         if path.is_dir() {
             let other = ["att", "attributes", "initialization"].contains(&&*name);
             if depth < MAX_DEPTH && !other {
                 walk(&path, depth + 1, found)?;
             }
-        } else if ["jpg", "jpeg", "png", "webp", "bmp"].iter().any(|e| extension == *e) {
-            found.pictures.entry(folder.to_path_buf()).or_default().push(path);
-        } else if extension == "txt" && (name.starts_with("groundtruth") || !is_beside_pictures(folder)) {
+        } else if ["jpg", "jpeg", "png", "webp", "bmp"]
+            .iter()
+            .any(|e| extension == *e)
+        {
+            found
+                .pictures
+                .entry(folder.to_path_buf())
+                .or_default()
+                .push(path);
+        } else if extension == "txt"
+            && (name.starts_with("groundtruth") || !is_beside_pictures(folder))
+        {
             found.annotations.push(path);
         }
     }
@@ -116,19 +129,32 @@ fn is_beside_pictures(folder: &Path) -> bool {
 
 fn sequence(annotation: &Path, found: &Found, skipped: &mut Skipped) -> Result<Sequence, String> {
     let folder = annotation.parent().unwrap_or(Path::new(""));
-    let stem = annotation.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let stem = annotation
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
     let beside = stem.starts_with("groundtruth");
     let mut boxes = read_boxes(annotation)?;
     let (name, frames) = if beside {
-        let at = [folder.to_path_buf(), folder.join("img"), folder.join("imgs"), folder.join("color")];
-        let frames = at.iter().find_map(|at| found.pictures.get(at)).ok_or("no pictures beside it")?;
+        let at = [
+            folder.to_path_buf(),
+            folder.join("img"),
+            folder.join("imgs"),
+            folder.join("color"),
+        ];
+        let frames = at
+            .iter()
+            .find_map(|at| found.pictures.get(at))
+            .ok_or("no pictures beside it")?;
         (last_names(folder, 2), frames.clone())
     } else {
         let ten = annotation.to_string_lossy().contains("10fps");
         let name = stem.strip_suffix("_gt").unwrap_or(&stem);
         let (video, range) = part_of_video(name, ten).unwrap_or((name.to_owned(), None));
-        let matches =
-            |at: &&PathBuf| last_names(at, 1) == video || last_names(at, 2) == format!("{video}/img");
+        let matches = |at: &&PathBuf| {
+            last_names(at, 1) == video || last_names(at, 2) == format!("{video}/img")
+        };
         let at = found
             .pictures
             .keys()
@@ -138,13 +164,19 @@ fn sequence(annotation: &Path, found: &Found, skipped: &mut Skipped) -> Result<S
         let mut frames = found.pictures[at].clone();
         if let Some((first, last)) = range {
             let last = last.min(frames.len());
-            frames = frames.get(first - 1..last).ok_or("fewer frames than the sequence has")?.to_vec();
+            frames = frames
+                .get(first - 1..last)
+                .ok_or("fewer frames than the sequence has")?
+                .to_vec();
         }
         (format!("{}/{name}", last_names(folder, 1)), frames)
     };
     if frames.len() != boxes.len() {
-        let reason =
-            format!("{} frames and {} boxes: only as many as both have are used", frames.len(), boxes.len());
+        let reason = format!(
+            "{} frames and {} boxes: only as many as both have are used",
+            frames.len(),
+            boxes.len()
+        );
         skipped.add(annotation.display().to_string(), reason);
     }
     let count = frames.len().min(boxes.len());
@@ -157,12 +189,24 @@ fn sequence(annotation: &Path, found: &Found, skipped: &mut Skipped) -> Result<S
         Ok(bytes) if beside => {
             serde_json::from_slice(&bytes).map_err(|error| format!("meta.json: {error}"))?
         }
-        _ => Meta { scale: 1.0, in_train: false },
+        _ => Meta {
+            scale: 1.0,
+            in_train: false,
+        },
     };
     if !(meta.scale > 0.0 && meta.scale.is_finite()) {
-        return Err(format!("meta.json: scale is {}, expected a number above 0", meta.scale));
+        return Err(format!(
+            "meta.json: scale is {}, expected a number above 0",
+            meta.scale
+        ));
     }
-    Ok(Sequence { name, frames, boxes, scale: meta.scale, in_train: meta.in_train })
+    Ok(Sequence {
+        name,
+        frames,
+        boxes,
+        scale: meta.scale,
+        in_train: meta.in_train,
+    })
 }
 
 /// The last `count` parts of a path.
@@ -173,11 +217,17 @@ fn last_names(path: &Path, count: usize) -> String {
 
 /// The video that a UAV123 sequence is cut from, with its first and last frame (1-based).
 fn part_of_video(name: &str, ten: bool) -> Option<(String, Option<(usize, usize)>)> {
-    let line = UAV123.lines().skip(1).find(|line| line.split(',').next() == Some(name))?;
+    let line = UAV123
+        .lines()
+        .skip(1)
+        .find(|line| line.split(',').next() == Some(name))?;
     let fields: Vec<_> = line.split(',').collect();
     let number = |i: usize| fields.get(i)?.parse::<usize>().ok().filter(|n| *n > 0);
     let at = if ten { 4 } else { 2 };
-    Some(((*fields.get(1)?).to_owned(), Some((number(at)?, number(at + 1)?))))
+    Some((
+        (*fields.get(1)?).to_owned(),
+        Some((number(at)?, number(at + 1)?)),
+    ))
 }
 
 /// Lines of four numbers, separated by commas, tabs or spaces; not a number, or an empty box, says "absent".
@@ -192,8 +242,10 @@ fn read_boxes(path: &Path) -> Result<Vec<Option<BBox>>, String> {
         if line.is_empty() {
             continue;
         }
-        let fields: Vec<_> =
-            line.split(|c: char| c == ',' || c.is_whitespace()).filter(|f| !f.is_empty()).collect();
+        let fields: Vec<_> = line
+            .split(|c: char| c == ',' || c.is_whitespace())
+            .filter(|f| !f.is_empty())
+            .collect();
         let numbers: Result<Vec<f32>, _> = fields.iter().map(|field| field.parse()).collect();
         match numbers.as_deref() {
             Ok([x, y, w, h, ..]) => {
@@ -224,7 +276,13 @@ mod tests {
 
     fn annotate(file: &Path, count: usize) {
         fs::create_dir_all(file.parent().unwrap()).unwrap();
-        let line = |i: usize| if i == 1 { "NaN,NaN,NaN,NaN\n".into() } else { format!("{i},2\t30 4.5\n") };
+        let line = |i: usize| {
+            if i == 1 {
+                "NaN,NaN,NaN,NaN\n".into()
+            } else {
+                format!("{i},2\t30 4.5\n")
+            }
+        };
         fs::write(file, (0..count).map(line).collect::<String>()).unwrap();
     }
 
@@ -234,7 +292,11 @@ mod tests {
         let at = |path: &str| folder.path().join(path);
         pictures(&at("DTB70/Gull2/img"), 5);
         annotate(&at("DTB70/Gull2/groundtruth_rect.txt"), 5);
-        fs::write(at("DTB70/Gull2/meta.json"), r#"{"scale": 0.5, "in_train": true, "other": 1}"#).unwrap();
+        fs::write(
+            at("DTB70/Gull2/meta.json"),
+            r#"{"scale": 0.5, "in_train": true, "other": 1}"#,
+        )
+        .unwrap();
         fs::write(at("DTB70/Gull2/result.txt"), "1,2,3,4\n").unwrap();
         pictures(&at("got/GOT-10k_Train_000001"), 3);
         annotate(&at("got/GOT-10k_Train_000001/groundtruth.txt"), 3);
@@ -249,7 +311,10 @@ mod tests {
         annotate(&at("VisDrone/annotations/uav1_s.txt"), 2);
         let mut skipped = Skipped::default();
         let found = find(folder.path(), &mut skipped).unwrap();
-        let summary: Vec<_> = found.iter().map(|s| (&s.name[..], s.frames.len())).collect();
+        let summary: Vec<_> = found
+            .iter()
+            .map(|s| (&s.name[..], s.frames.len()))
+            .collect();
         let expected = [
             ("DTB70/Gull2", 5),
             ("UAV123_10fps/bird1_2", 235),
@@ -260,22 +325,34 @@ mod tests {
         assert_eq!(summary, expected);
         assert!(found[1].frames[0].ends_with("bird1/000259.jpg"));
         assert_eq!((found[0].scale, found[0].in_train), (0.5, true));
-        assert_eq!(found[0].boxes[..2], [Some(BBox::new(0.0, 2.0, 30.0, 4.5)), None]);
+        assert_eq!(
+            found[0].boxes[..2],
+            [Some(BBox::new(0.0, 2.0, 30.0, 4.5)), None]
+        );
         let text = skipped.to_string();
         assert!(
-            text.contains("4 frames and 6 boxes") && text.contains("no pictures in a folder \"uav1_s\""),
+            text.contains("4 frames and 6 boxes")
+                && text.contains("no pictures in a folder \"uav1_s\""),
             "{text}"
         );
         assert_eq!(skipped.count(), 2);
-        assert_eq!(pictures_below(folder.path()).unwrap().len(), 5 + 3 + 820 + 4 + 2);
+        assert_eq!(
+            pictures_below(folder.path()).unwrap().len(),
+            5 + 3 + 820 + 4 + 2
+        );
     }
 
     #[test]
     fn the_development_sequences() {
-        let Some(root) = crate::testing::shared("data/dev_seqs") else { return };
+        let Some(root) = crate::testing::shared("data/dev_seqs") else {
+            return;
+        };
         let mut skipped = Skipped::default();
         let found = find(&root, &mut skipped).unwrap();
-        assert_eq!((found.len(), found.iter().filter(|s| s.in_train).count()), (20, 5));
+        assert_eq!(
+            (found.len(), found.iter().filter(|s| s.in_train).count()),
+            (20, 5)
+        );
         assert_eq!(skipped.count(), 0, "{skipped}");
     }
 }

@@ -17,7 +17,8 @@ impl Skipped {
     /// Something at `place` was skipped.
     pub fn add(&mut self, place: String, reason: String) {
         if self.count < Self::SHOWN {
-            self.first.push(format!("skipped {}: {}", brief(place), brief(reason)));
+            self.first
+                .push(format!("skipped {}: {}", brief(place), brief(reason)));
         }
         self.count += 1;
     }

@@ -31,20 +31,26 @@ impl FromStr for DataSpec {
 
     fn from_str(text: &str) -> Result<DataSpec, Error> {
         let number = |text: &str| text.parse::<f64>().ok();
-        let (what, share) = match text.rsplit_once(':').map(|(what, tail)| (what, number(tail))) {
+        let (what, share) = match text
+            .rsplit_once(':')
+            .map(|(what, tail)| (what, number(tail)))
+        {
             Some((what, Some(share))) => (what, share),
             _ => (text, 1.0),
         };
         if !(share.is_finite() && share > 0.0) {
-            return Err(Error::option("--data", "a share above 0 behind the last colon", share));
+            return Err(Error::option(
+                "--data",
+                "a share above 0 behind the last colon",
+                share,
+            ));
         }
         let what = match what.split_once(':') {
             _ if what == "scenes" => What::Scenes,
             Some(("patches", path)) => What::Patches(path.into()),
             Some(("paste", path)) => What::Paste(path.into()),
             _ if what.is_empty() => {
-                let expected =
-                    "a CSV or JSON file, a folder, scenes, patches:PATH or paste:PATH, each with :SHARE";
+                let expected = "a CSV or JSON file, a folder, scenes, patches:PATH or paste:PATH, each with :SHARE";
                 return Err(Error::option("--data", expected, text));
             }
             _ => What::Annotated(what.into()),
@@ -73,7 +79,11 @@ mod tests {
     #[test]
     fn reads_what_it_writes() {
         for (text, what, share) in [
-            ("a/index.csv:0.4", What::Annotated("a/index.csv".into()), 0.4),
+            (
+                "a/index.csv:0.4",
+                What::Annotated("a/index.csv".into()),
+                0.4,
+            ),
             ("folder", What::Annotated("folder".into()), 1.0),
             ("c:/folder:2", What::Annotated("c:/folder".into()), 2.0),
             ("scenes:0.25", What::Scenes, 0.25),
@@ -85,7 +95,14 @@ mod tests {
             assert_eq!(spec, DataSpec { what, share }, "{text}");
             assert_eq!(spec.to_string().parse::<DataSpec>().unwrap(), spec);
         }
-        for text in ["", ":0.4", "a.csv:0", "a.csv:-1", "scenes:inf", "scenes:NaN"] {
+        for text in [
+            "",
+            ":0.4",
+            "a.csv:0",
+            "a.csv:-1",
+            "scenes:inf",
+            "scenes:NaN",
+        ] {
             assert!(text.parse::<DataSpec>().is_err(), "{text}");
         }
     }

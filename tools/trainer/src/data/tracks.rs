@@ -58,24 +58,48 @@ impl Tracks {
         let groups: Vec<_> = groups
             .into_values()
             .filter(|tracks| !tracks.is_empty())
-            .map(|tracks| Group { cumulative: running(tracks.iter().map(|t| frames(t).sqrt())), tracks })
+            .map(|tracks| Group {
+                cumulative: running(tracks.iter().map(|t| frames(t).sqrt())),
+                tracks,
+            })
             .collect();
         let total = |group: &Group| group.tracks.iter().map(frames).sum::<f64>();
         let cumulative = running(groups.iter().map(|group| total(group).sqrt()));
-        Tracks { groups, cumulative, rules }
+        Tracks {
+            groups,
+            cumulative,
+            rules,
+        }
     }
 
     /// The rows of an annotation file, those of one track together; rows that the rules refuse are skipped.
-    pub fn from_rows(rows: Vec<Row>, album: &mut Album, rules: PairRules, skipped: &mut Skipped) -> Tracks {
+    pub fn from_rows(
+        rows: Vec<Row>,
+        album: &mut Album,
+        rules: PairRules,
+        skipped: &mut Skipped,
+    ) -> Tracks {
         let mut targets: BTreeMap<(String, String), Vec<Shot>> = BTreeMap::new();
         for (i, row) in rows.into_iter().enumerate() {
             if !rules.accepts(&row.bbox) {
-                let reason = format!("box of {} x {} pixels: too thin or too small", row.bbox.w, row.bbox.h);
-                skipped.add(format!("{} frame {}", row.path.display(), row.frame), reason);
+                let reason = format!(
+                    "box of {} x {} pixels: too thin or too small",
+                    row.bbox.w, row.bbox.h
+                );
+                skipped.add(
+                    format!("{} frame {}", row.path.display(), row.frame),
+                    reason,
+                );
                 continue;
             }
-            let track = row.track.unwrap_or_else(|| format!("{}#{i}", row.path.display()));
-            let shot = Shot { picture: album.add(row.path), bbox: row.bbox, number: row.frame };
+            let track = row
+                .track
+                .unwrap_or_else(|| format!("{}#{i}", row.path.display()));
+            let shot = Shot {
+                picture: album.add(row.path),
+                bbox: row.bbox,
+                number: row.frame,
+            };
             targets.entry((row.group, track)).or_default().push(shot);
         }
         let mut groups: BTreeMap<String, Vec<Track>> = BTreeMap::new();
@@ -98,7 +122,10 @@ impl Tracks {
         let mut groups: BTreeMap<String, Vec<Track>> = BTreeMap::new();
         for sequence in sequences {
             let Ok((width, height)) = image::image_dimensions(&sequence.frames[0]) else {
-                skipped.add(sequence.name, "its first frame is not a readable picture".into());
+                skipped.add(
+                    sequence.name,
+                    "its first frame is not a readable picture".into(),
+                );
                 continue;
             };
             let good = |bbox: &BBox| {
@@ -108,15 +135,27 @@ impl Tracks {
             let mut shots = Vec::new();
             for ((i, path), bbox) in sequence.frames.into_iter().enumerate().zip(sequence.boxes) {
                 if let Some(bbox) = bbox.filter(good) {
-                    shots.push(Shot { picture: album.add(path), bbox, number: i as u32 });
+                    shots.push(Shot {
+                        picture: album.add(path),
+                        bbox,
+                        number: i as u32,
+                    });
                 }
             }
             if shots.is_empty() {
                 skipped.add(sequence.name, "no frame with a usable box".into());
                 continue;
             }
-            let group = sequence.name.split('/').next().unwrap_or_default().to_owned();
-            groups.entry(group).or_default().push(Track { name: sequence.name, shots });
+            let group = sequence
+                .name
+                .split('/')
+                .next()
+                .unwrap_or_default()
+                .to_owned();
+            groups.entry(group).or_default().push(Track {
+                name: sequence.name,
+                shots,
+            });
         }
         Tracks::new(groups, rules)
     }
@@ -133,7 +172,11 @@ impl Tracks {
 
     /// How many frames there are.
     pub fn shots(&self) -> usize {
-        self.groups.iter().flat_map(|group| &group.tracks).map(|track| track.shots.len()).sum()
+        self.groups
+            .iter()
+            .flat_map(|group| &group.tracks)
+            .map(|track| track.shots.len())
+            .sum()
     }
 
     /// The track of a number.
@@ -149,7 +192,10 @@ impl Tracks {
     }
 
     fn draw_of(&self, group: usize, rng: &mut Rng) -> Target {
-        Target { group, track: rng.weighted(&self.groups[group].cumulative) }
+        Target {
+            group,
+            track: rng.weighted(&self.groups[group].cumulative),
+        }
     }
 
     /// Another track of the same group; mostly `None` where one track is almost all of it.
@@ -161,7 +207,10 @@ impl Tracks {
     /// A track and two of its frames, by the rules.
     pub fn draw_pair(&self, rng: &mut Rng) -> (Target, [Shot; 2]) {
         let target = self.draw(rng);
-        (target, self.rules.draw(rng, &self.track(target).shots).into())
+        (
+            target,
+            self.rules.draw(rng, &self.track(target).shots).into(),
+        )
     }
 }
 
@@ -186,7 +235,13 @@ mod tests {
         let add = |rows: &mut Vec<Row>, group: &str, track: Option<&str>, frame| {
             let path = format!("{group}{}.png", rows.len()).into();
             let (track, group) = (track.map(String::from), group.to_string());
-            rows.push(Row { path, bbox: BBox::new(0.0, 0.0, 9.0, 9.0), track, frame, group });
+            rows.push(Row {
+                path,
+                bbox: BBox::new(0.0, 0.0, 9.0, 9.0),
+                track,
+                frame,
+                group,
+            });
         };
         (0..100).for_each(|i| add(&mut rows, "video", Some("one"), 99 - i));
         (0..900).for_each(|_| add(&mut rows, "stills", None, 0));
@@ -195,15 +250,37 @@ mod tests {
         let mut skipped = Skipped::default();
         let tracks = Tracks::from_rows(rows, &mut album, PairRules::default(), &mut skipped);
         assert_eq!(skipped.count(), 1);
-        assert_eq!((tracks.len(), tracks.shots(), album.len()), (901, 1000, 1000));
+        assert_eq!(
+            (tracks.len(), tracks.shots(), album.len()),
+            (901, 1000, 1000)
+        );
         let mut rng = Rng::new(1, 1, 1);
-        let videos = (0..4000).filter(|_| tracks.track(tracks.draw(&mut rng)).name == "one").count();
-        assert!((850..1150).contains(&videos), "{videos} of 4000, expected a quarter");
-        let video = (0..).map(|_| tracks.draw(&mut rng)).find(|t| tracks.track(*t).name == "one").unwrap();
-        assert!(tracks.draw_kin(video, &mut rng).is_none(), "the only one of its group");
-        let still = (0..).map(|_| tracks.draw(&mut rng)).find(|t| t.group != video.group).unwrap();
+        let videos = (0..4000)
+            .filter(|_| tracks.track(tracks.draw(&mut rng)).name == "one")
+            .count();
+        assert!(
+            (850..1150).contains(&videos),
+            "{videos} of 4000, expected a quarter"
+        );
+        let video = (0..)
+            .map(|_| tracks.draw(&mut rng))
+            .find(|t| tracks.track(*t).name == "one")
+            .unwrap();
+        assert!(
+            tracks.draw_kin(video, &mut rng).is_none(),
+            "the only one of its group"
+        );
+        let still = (0..)
+            .map(|_| tracks.draw(&mut rng))
+            .find(|t| t.group != video.group)
+            .unwrap();
         let kin = tracks.draw_kin(still, &mut rng).unwrap();
         assert!(kin.name.starts_with("stills") && kin.name != tracks.track(still).name);
-        assert!(tracks.track(video).shots.is_sorted_by_key(|shot| shot.number));
+        assert!(
+            tracks
+                .track(video)
+                .shots
+                .is_sorted_by_key(|shot| shot.number)
+        );
     }
 }

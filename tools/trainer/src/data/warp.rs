@@ -21,7 +21,8 @@ pub struct Grid {
 impl Grid {
     /// Whether an output pixel lies within a picture.
     pub fn meets(&self, picture: &Picture, column: usize, row: usize) -> bool {
-        let at = |k: usize| self.origin[k] + self.across[k] * column as f64 + self.down[k] * row as f64;
+        let at =
+            |k: usize| self.origin[k] + self.across[k] * column as f64 + self.down[k] * row as f64;
         let within = |at: f64, limit: usize| (0.0..=(limit - 1) as f64).contains(&at);
         within(at(0), picture.width) && within(at(1), picture.height)
     }
@@ -84,15 +85,21 @@ mod tests {
 
     fn noise(width: usize, height: usize) -> Picture {
         let mut rng = Rng::new(5, 0, 0);
-        Picture::new(width, height, (0..3 * width * height).map(|_| rng.bits() as u8).collect())
+        Picture::new(
+            width,
+            height,
+            (0..3 * width * height).map(|_| rng.bits() as u8).collect(),
+        )
     }
 
     #[test]
     fn upright_grids_give_the_trackers_crop() {
         let picture = noise(90, 70);
-        for (cx, cy, w, h, side) in
-            [(40.3, 35.1, 20.0, 14.0, 127), (5.0, 66.6, 31.0, 9.0, 303), (-90.0, 20.0, 9.0, 9.0, 127)]
-        {
+        for (cx, cy, w, h, side) in [
+            (40.3, 35.1, 20.0, 14.0, 127),
+            (5.0, 66.6, 31.0, 9.0, 303),
+            (-90.0, 20.0, 9.0, 9.0, 127),
+        ] {
             let target = CenterBox { cx, cy, w, h };
             let region = Region::around(&target, scale(f64::from(w), f64::from(h), 0.5, 127), side);
             let mut expected = vec![0; side * side * 3];
@@ -123,10 +130,24 @@ mod tests {
             let p = &picture.data[(y * 9 + x) * 3..][..3];
             [p[2], p[1], p[0]]
         };
-        let turned =
-            warp(&picture, &Grid { origin: [8.0, 0.0], across: [0.0, 1.0], down: [-1.0, 0.0], side: 9 });
-        let mirrored =
-            warp(&picture, &Grid { origin: [8.0, 0.0], across: [-1.0, 0.0], down: [0.0, 1.0], side: 9 });
+        let turned = warp(
+            &picture,
+            &Grid {
+                origin: [8.0, 0.0],
+                across: [0.0, 1.0],
+                down: [-1.0, 0.0],
+                side: 9,
+            },
+        );
+        let mirrored = warp(
+            &picture,
+            &Grid {
+                origin: [8.0, 0.0],
+                across: [-1.0, 0.0],
+                down: [0.0, 1.0],
+                side: 9,
+            },
+        );
         for j in 0..9 {
             for i in 0..9 {
                 assert_eq!(turned[(j * 9 + i) * 3..][..3], pixel(8 - j, i));

@@ -8,9 +8,14 @@ use weights_format::Architecture;
 
 /// A batch of samples whose search crops have one size.
 pub fn batch(samples: &[Sample], architecture: &Architecture) -> Batch {
-    let size = samples.first().map_or(architecture.search_size, |sample| sample.search_size);
+    let size = samples
+        .first()
+        .map_or(architecture.search_size, |sample| sample.search_size);
     let cells = Cells::of(architecture, size);
-    let items: Vec<_> = samples.iter().map(|sample| (sample.corners, sample.negative)).collect();
+    let items: Vec<_> = samples
+        .iter()
+        .map(|sample| (sample.corners, sample.negative))
+        .collect();
     let (template, search) = crops_of(samples, architecture);
     Batch {
         template,
@@ -24,9 +29,14 @@ pub fn batch(samples: &[Sample], architecture: &Architecture) -> Batch {
 
 /// Template and search crops of samples whose search crops have one size, normalized.
 pub fn crops_of(samples: &[Sample], architecture: &Architecture) -> (Tensor, Tensor) {
-    let size = samples.first().map_or(architecture.search_size, |sample| sample.search_size);
+    let size = samples
+        .first()
+        .map_or(architecture.search_size, |sample| sample.search_size);
     (
-        crops(samples.iter().map(|s| &s.template), architecture.template_size),
+        crops(
+            samples.iter().map(|s| &s.template),
+            architecture.template_size,
+        ),
         crops(samples.iter().map(|s| &s.search), size),
     )
 }

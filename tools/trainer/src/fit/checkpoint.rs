@@ -78,8 +78,11 @@ pub fn save(path: &Path, position: &Position, state: &State) -> Result<(), Error
     let text = serde_json::to_string(position)
         .map_err(|error| Error::file(path, "a position that can be written", error))?;
     let metadata = HashMap::from([(KEY.to_owned(), text)]);
-    let kinds =
-        [("parameter", &state.parameters), ("optimizer", &state.optimizer), ("average", &state.averages)];
+    let kinds = [
+        ("parameter", &state.parameters),
+        ("optimizer", &state.optimizer),
+        ("average", &state.averages),
+    ];
     let mut views = Vec::new();
     for (kind, tensors) in kinds {
         for (name, tensor) in tensors {
@@ -139,19 +142,36 @@ pub fn form(path: &Path) -> Result<Form, Error> {
     }
     let (_, header) =
         SafeTensors::read_metadata(&bytes).map_err(|error| Error::file(path, expected, error))?;
-    let has = |key: &str| header.metadata().as_ref().is_some_and(|metadata| metadata.contains_key(key));
-    let forms = [(KEY, Form::Checkpoint), ("parameters", Form::Unfolded), ("track-cpu", Form::Weights)];
+    let has = |key: &str| {
+        header
+            .metadata()
+            .as_ref()
+            .is_some_and(|metadata| metadata.contains_key(key))
+    };
+    let forms = [
+        (KEY, Form::Checkpoint),
+        ("parameters", Form::Unfolded),
+        ("track-cpu", Form::Weights),
+    ];
     let found = forms.into_iter().find(|(key, _)| has(key));
-    found.map(|(_, form)| form).ok_or_else(|| Error::file(path, expected, "metadata of none of them"))
+    found
+        .map(|(_, form)| form)
+        .ok_or_else(|| Error::file(path, expected, "metadata of none of them"))
 }
 
 /// Reads a file within the bound.
 fn read(path: &Path) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(Error::io(path))?;
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(Error::io(path))?;
+    file.take(MAX_BYTES + 1)
+        .read_to_end(&mut bytes)
+        .map_err(Error::io(path))?;
     if bytes.len() as u64 > MAX_BYTES {
-        return Err(Error::file(path, format!("at most {MAX_BYTES} bytes"), "more"));
+        return Err(Error::file(
+            path,
+            format!("at most {MAX_BYTES} bytes"),
+            "more",
+        ));
     }
     Ok(bytes)
 }
@@ -162,22 +182,35 @@ fn read(path: &Path) -> Result<Vec<u8>, Error> {
 /// If the file cannot be read or is not a checkpoint of this version.
 pub fn load(path: &Path) -> Result<(Position, State), Error> {
     let bytes = read(path)?;
-    let wrong = |found: &dyn ToString| Error::file(path, "a training checkpoint", found.to_string());
+    let wrong =
+        |found: &dyn ToString| Error::file(path, "a training checkpoint", found.to_string());
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| wrong(&error))?;
-    let text = header.metadata().as_ref().and_then(|metadata| metadata.get(KEY));
+    let text = header
+        .metadata()
+        .as_ref()
+        .and_then(|metadata| metadata.get(KEY));
     let text = text.ok_or_else(|| wrong(&"a file without the trainer's metadata"))?;
     let position: Position = serde_json::from_str(text).map_err(|error| wrong(&error))?;
     if position.format != FORMAT {
-        return Err(wrong(&format!("format {}, expected {FORMAT}", position.format)));
+        return Err(wrong(&format!(
+            "format {}, expected {FORMAT}",
+            position.format
+        )));
     }
     position.options.check()?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|error| wrong(&error))?;
     let mut state = State::default();
     for (name, view) in tensors.tensors() {
         if view.dtype() != Dtype::F32 {
-            return Err(wrong(&format!("tensor {name:?} of type {:?}, expected F32", view.dtype())));
+            return Err(wrong(&format!(
+                "tensor {name:?} of type {:?}, expected F32",
+                view.dtype()
+            )));
         }
-        let values = view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        let values = view
+            .data()
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
         let tensor = Tensor::new(view.shape(), values.collect());
         let list = match name.split_once('.') {
             Some(("parameter", rest)) => (&mut state.parameters, rest),
@@ -196,8 +229,11 @@ mod tests {
     use crate::testing::Folder;
 
     fn example() -> (Position, State) {
-        let mut position =
-            Position::start(FitOptions::paper(), vec!["scenes:1".into()], DataOptions::default());
+        let mut position = Position::start(
+            FitOptions::paper(),
+            vec!["scenes:1".into()],
+            DataOptions::default(),
+        );
         (position.step, position.seconds, position.best) = (7, 0.1, Some((0.25, 5)));
         let tensor = |v: f32| Tensor::new(&[1, 2], vec![v, -0.0]);
         let state = State {
@@ -221,7 +257,11 @@ mod tests {
         let (found, mut loaded) = load(&path).unwrap();
         loaded.parameters.sort_by(|a, b| a.0.cmp(&b.0));
         assert_eq!((found, loaded), (position, state));
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+        assert_eq!(
+            fs::read_dir(folder.path()).unwrap().count(),
+            1,
+            "nothing is left beside it"
+        );
     }
 
     #[test]
@@ -238,11 +278,19 @@ mod tests {
         ] {
             fs::write(&path, bytes).unwrap();
             let message = load(&path).unwrap_err().to_string();
-            assert!(message.contains(expected) && message.contains("c.safetensors"), "{message}");
+            assert!(
+                message.contains(expected) && message.contains("c.safetensors"),
+                "{message}"
+            );
         }
         let weights = weights_format::Weights::random(super::super::options::standard(0.9), 1);
         weights.write(&path).unwrap();
-        assert!(load(&path).unwrap_err().to_string().contains("without the trainer's metadata"));
+        assert!(
+            load(&path)
+                .unwrap_err()
+                .to_string()
+                .contains("without the trainer's metadata")
+        );
         assert!(load(&folder.path().join("none")).is_err());
     }
 }

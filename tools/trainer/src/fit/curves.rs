@@ -5,23 +5,53 @@ use serde_json::Value;
 
 /// Losses above, accuracy in validation below, over the step. `log` are the lines of the log.
 pub fn svg(log: &[Value]) -> String {
-    let losses = ["total", "cls", "centerness", "iou", "global", "local", "identity"];
-    let losses: Vec<_> = losses.iter().map(|name| line(log, name, &["losses", name])).collect();
+    let losses = [
+        "total",
+        "cls",
+        "centerness",
+        "iou",
+        "global",
+        "local",
+        "identity",
+    ];
+    let losses: Vec<_> = losses
+        .iter()
+        .map(|name| line(log, name, &["losses", name]))
+        .collect();
     let accuracy = ["clean", "real", "flights"].iter().flat_map(|set| {
-        ["precision", "auc"].map(|what| line(log, &format!("{set} {what}"), &["validation", set, what]))
+        ["precision", "auc"]
+            .map(|what| line(log, &format!("{set} {what}"), &["validation", set, what]))
     });
     let accuracy: Vec<_> = accuracy.collect();
-    let panel = |title: &str, lines| Panel { title: title.into(), lines, ..Panel::default() };
-    draw(&[panel("losses (weighted)", losses), panel("validation, percent", accuracy)])
+    let panel = |title: &str, lines| Panel {
+        title: title.into(),
+        lines,
+        ..Panel::default()
+    };
+    draw(&[
+        panel("losses (weighted)", losses),
+        panel("validation, percent", accuracy),
+    ])
 }
 
 fn line(log: &[Value], name: &str, path: &[&str]) -> Line {
     let at = |entry: &Value| {
-        let value = path.iter().try_fold(entry, |value, key| value.get(key))?.as_f64()?;
+        let value = path
+            .iter()
+            .try_fold(entry, |value, key| value.get(key))?
+            .as_f64()?;
         Some((entry.get("step")?.as_f64()?, value))
     };
-    let points = log.iter().filter_map(at).filter(|(_, y)| y.is_finite()).collect();
-    Line { name: name.into(), points, spread: Vec::new() }
+    let points = log
+        .iter()
+        .filter_map(at)
+        .filter(|(_, y)| y.is_finite())
+        .collect();
+    Line {
+        name: name.into(),
+        points,
+        spread: Vec::new(),
+    }
 }
 
 #[cfg(test)]

@@ -12,10 +12,26 @@ impl Fit {
     ///
     /// # Errors
     /// If a value does not fit the storage or is not finite.
-    pub fn export(&self, storage: Storage, name: &str, figures: Option<&Report>) -> Result<Weights, Error> {
-        let Position { options, data, data_options, step, seconds, history, .. } = &self.position;
+    pub fn export(
+        &self,
+        storage: Storage,
+        name: &str,
+        figures: Option<&Report>,
+    ) -> Result<Weights, Error> {
+        let Position {
+            options,
+            data,
+            data_options,
+            step,
+            seconds,
+            history,
+            ..
+        } = &self.position;
         // With every share, also those that were left out as 1.
-        let specs = data.iter().map(|text| text.parse::<DataSpec>().map_or(text.clone(), |s| s.to_string()));
+        let specs = data.iter().map(|text| {
+            text.parse::<DataSpec>()
+                .map_or(text.clone(), |s| s.to_string())
+        });
         let mut notes = vec![
             ("data", specs.collect::<Vec<_>>().join(" ")),
             ("steps", step.to_string()),
@@ -23,7 +39,10 @@ impl Fit {
             ("hours", format!("{:.2}", seconds / 3600.0)),
             ("seed", data_options.seed.to_string()),
             ("commit", commit()),
-            ("options", serde_json::to_string(options).unwrap_or_default()),
+            (
+                "options",
+                serde_json::to_string(options).unwrap_or_default(),
+            ),
         ];
         if !history.is_empty() {
             notes.push(("before", history.join("; ")));
@@ -32,7 +51,10 @@ impl Fit {
         let provenance = Provenance {
             name: brief(name),
             source: format!("track-cpu trainer {}", env!("CARGO_PKG_VERSION")),
-            notes: notes.into_iter().map(|(key, text)| (key.to_owned(), printable(&text))).collect(),
+            notes: notes
+                .into_iter()
+                .map(|(key, text)| (key.to_owned(), printable(&text)))
+                .collect(),
         };
         let weights = self.network.export(&self.deployed(), storage, provenance);
         weights.check()?;
@@ -42,13 +64,21 @@ impl Fit {
 
 /// Text without control characters.
 fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+    text.chars()
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect()
 }
 
 /// The source's commit, where it lies in a repository.
 fn commit() -> String {
     let git = std::process::Command::new("git")
-        .args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"])
+        .args([
+            "-C",
+            env!("CARGO_MANIFEST_DIR"),
+            "rev-parse",
+            "--short",
+            "HEAD",
+        ])
         .output();
     let text = git.ok().filter(|output| output.status.success());
     let text = text.and_then(|output| String::from_utf8(output.stdout).ok());

@@ -75,7 +75,11 @@ impl Fit {
     ///
     /// # Errors
     /// If an option is out of range.
-    pub fn start(options: FitOptions, data: Vec<String>, data_options: DataOptions) -> Result<Fit, Error> {
+    pub fn start(
+        options: FitOptions,
+        data: Vec<String>,
+        data_options: DataOptions,
+    ) -> Result<Fit, Error> {
         options.check()?;
         let mut fit = Fit::empty(Position::start(options, data, data_options))?;
         let FitOptions { init, seed, .. } = fit.position.options;
@@ -93,11 +97,22 @@ impl Fit {
     }
 
     fn empty(position: Position) -> Result<Fit, Error> {
-        let FitOptions { architecture, statistics_nets, .. } = position.options;
+        let FitOptions {
+            architecture,
+            statistics_nets,
+            ..
+        } = position.options;
         let mut parameters = Parameters::new();
         let network = Network::new(&mut parameters, architecture, statistics_nets)?;
         let optimizer = position.options.optimizer();
-        Ok(Fit { position, network, parameters, optimizer, averages: Vec::new(), folded: false })
+        Ok(Fit {
+            position,
+            network,
+            parameters,
+            optimizer,
+            averages: Vec::new(),
+            folded: false,
+        })
     }
 
     /// Writes a checkpoint.
@@ -110,7 +125,10 @@ impl Fit {
         let optimizer = self.optimizer.state(&self.parameters);
         let state = State {
             parameters: self.parameters.state().map(own).collect(),
-            optimizer: optimizer.into_iter().map(|(name, tensor)| (name, tensor.clone())).collect(),
+            optimizer: optimizer
+                .into_iter()
+                .map(|(name, tensor)| (name, tensor.clone()))
+                .collect(),
             averages: named.map(own).collect(),
         };
         checkpoint::save(path, &self.position, &state)
@@ -137,7 +155,11 @@ impl Fit {
             Budget::Steps(steps) => self.position.step as f64 / steps as f64,
             Budget::Minutes(minutes) => self.position.seconds / (60.0 * minutes),
         };
-        if self.position.finished { 1.0 } else { done.min(1.0) }
+        if self.position.finished {
+            1.0
+        } else {
+            done.min(1.0)
+        }
     }
 
     /// Trains to the end of the budget: batches, steps, and from time to time a line of the log, a validation and a
@@ -147,7 +169,11 @@ impl Fit {
     ///
     /// # Errors
     /// If the data cannot be opened, a file cannot be written, or a loss is not finite.
-    pub fn run(&mut self, dataset: Arc<Dataset>, run: &RunOptions) -> Result<Option<Report>, Error> {
+    pub fn run(
+        &mut self,
+        dataset: Arc<Dataset>,
+        run: &RunOptions,
+    ) -> Result<Option<Report>, Error> {
         std::fs::create_dir_all(&run.out).map_err(Error::io(&run.out))?;
         let compute = compute(run.threads)?;
         self.unfold(&compute, &dataset, run.data_threads);
@@ -158,7 +184,10 @@ impl Fit {
         let mut feed = Feed::new(dataset.clone(), batch_size, first, run.data_threads, AHEAD);
         let mut smooth = Smooth::default();
         while self.progress() < 1.0 {
-            if run.stop_after.is_some_and(|steps| self.position.step >= first + steps) {
+            if run
+                .stop_after
+                .is_some_and(|steps| self.position.step >= first + steps)
+            {
                 return Ok(None);
             }
             let start = Instant::now();
@@ -176,17 +205,27 @@ impl Fit {
             if self.position.step.is_multiple_of(LOG_STEPS) {
                 reporter.log(entry(&standing, rate, norm, smooth.waited))?;
             }
-            if watch.validate.due(self.position.seconds, run.validate_minutes) && !run.validation.is_empty() {
+            if watch
+                .validate
+                .due(self.position.seconds, run.validate_minutes)
+                && !run.validation.is_empty()
+            {
                 self.validate(run, &mut reporter)?;
             }
-            if watch.checkpoint.due(self.position.seconds, run.checkpoint_minutes) {
+            if watch
+                .checkpoint
+                .due(self.position.seconds, run.checkpoint_minutes)
+            {
                 self.save(&run.out.join("checkpoint.safetensors"))?;
                 reporter.draw()?;
             }
         }
         drop(feed);
         if dataset.unreadable() > 0 {
-            reporter.say(&format!("{} pictures could not be read and were left out", dataset.unreadable()));
+            reporter.say(&format!(
+                "{} pictures could not be read and were left out",
+                dataset.unreadable()
+            ));
         }
         self.save(&run.out.join("checkpoint.safetensors"))?;
         self.finish(&compute, dataset, run, &mut reporter)
@@ -200,7 +239,13 @@ impl Fit {
         }
         let batch = self.position.options.batch;
         let mut feed = Feed::new(dataset.clone(), batch, ESTIMATION, data_threads, AHEAD);
-        statistics::unfold(compute, &self.network, &mut self.parameters, &mut feed, UNFOLDING_BATCHES);
+        statistics::unfold(
+            compute,
+            &self.network,
+            &mut self.parameters,
+            &mut feed,
+            UNFOLDING_BATCHES,
+        );
         self.begin_averages();
     }
 
@@ -227,13 +272,24 @@ impl Fit {
         let mut tape = Tape::new(compute, parameters, Mode::Training);
         let (_, losses) = self.network.losses(&mut tape, batch, &options.losses);
         let values = losses.values(&tape);
-        let diverged =
-            |what: &str, found: f64| Error::Diverged { step: self.position.step, what: what.into(), found };
-        if let Some((name, value)) = values.named().into_iter().find(|(_, value)| !value.is_finite()) {
+        let diverged = |what: &str, found: f64| Error::Diverged {
+            step: self.position.step,
+            what: what.into(),
+            found,
+        };
+        if let Some((name, value)) = values
+            .named()
+            .into_iter()
+            .find(|(_, value)| !value.is_finite())
+        {
             return Err(diverged(&format!("the loss {name}"), value));
         }
         tape.backward(losses.total);
-        let limit = if options.clip > 0.0 { options.clip } else { f32::INFINITY };
+        let limit = if options.clip > 0.0 {
+            options.clip
+        } else {
+            f32::INFINITY
+        };
         let norm = clip_gradients(compute, parameters, limit, |_| true);
         if !norm.is_finite() {
             return Err(diverged("the gradient's norm", f64::from(norm)));
@@ -265,15 +321,22 @@ impl Fit {
 
     /// Tracks with the present weights, and keeps them if they are the best so far.
     fn validate(&mut self, run: &RunOptions, reporter: &mut Reporter) -> Result<Report, Error> {
-        let report = run.validation.run(&self.export(Storage::F32, "validation", None)?, run.threads)?;
+        let report = run
+            .validation
+            .run(&self.export(Storage::F32, "validation", None)?, run.threads)?;
         reporter.say(&format!("step {}: {report}", self.position.step));
         reporter.log(json!({ "step": self.position.step, "validation": report }))?;
         reporter.draw()?;
-        if let Some(score) =
-            report.score().filter(|score| self.position.best.is_none_or(|(best, _)| *score > best))
+        if let Some(score) = report
+            .score()
+            .filter(|score| self.position.best.is_none_or(|(best, _)| *score > best))
         {
             self.position.best = Some((score, self.position.step));
-            let state = State { optimizer: Vec::new(), averages: Vec::new(), ..self.deployed_state() };
+            let state = State {
+                optimizer: Vec::new(),
+                averages: Vec::new(),
+                ..self.deployed_state()
+            };
             let mut position = self.position.clone();
             position.options.average = 0.0;
             checkpoint::save(&run.out.join("best.safetensors"), &position, &state)?;
@@ -290,23 +353,41 @@ impl Fit {
         run: &RunOptions,
         reporter: &mut Reporter,
     ) -> Result<Option<Report>, Error> {
-        for (parameter, average) in self.parameters.iter_mut().zip(std::mem::take(&mut self.averages)) {
+        for (parameter, average) in self
+            .parameters
+            .iter_mut()
+            .zip(std::mem::take(&mut self.averages))
+        {
             parameter.value = average;
         }
         self.position.options.average = 0.0;
         let checks = !run.validation.is_empty();
-        let running = if checks { Some(self.validate(run, reporter)?) } else { None };
+        let running = if checks {
+            Some(self.validate(run, reporter)?)
+        } else {
+            None
+        };
         let mut figures = running.clone();
         let count = self.position.options.estimation_batches;
         if count > 0 {
             let kept = self.parameters.clone();
             let batch = self.position.options.batch;
             let mut feed = Feed::new(dataset, batch, ESTIMATION, run.data_threads, AHEAD);
-            statistics::estimate(compute, &self.network, &mut self.parameters, &mut feed, count);
+            statistics::estimate(
+                compute,
+                &self.network,
+                &mut self.parameters,
+                &mut feed,
+                count,
+            );
             if let Some(running) = running {
                 let estimated = self.validate(run, reporter)?;
                 let better = estimated.score() >= running.score();
-                let verdict = if better { "kept" } else { "worse than the running ones, not kept" };
+                let verdict = if better {
+                    "kept"
+                } else {
+                    "worse than the running ones, not kept"
+                };
                 reporter.say(&format!("batch statistics from {count} batches: {verdict}"));
                 if better {
                     figures = Some(estimated);
@@ -325,8 +406,14 @@ impl Fit {
 
     fn deployed_state(&self) -> State {
         let deployed = self.deployed();
-        let parameters = deployed.state().map(|(name, tensor)| (name.to_owned(), tensor.clone())).collect();
-        State { parameters, ..State::default() }
+        let parameters = deployed
+            .state()
+            .map(|(name, tensor)| (name.to_owned(), tensor.clone()))
+            .collect();
+        State {
+            parameters,
+            ..State::default()
+        }
     }
 
     /// Parameters as they are deployed: the averages, where the run keeps them.
@@ -350,8 +437,12 @@ pub fn compute(threads: usize) -> Result<Compute, Error> {
 }
 
 fn entry(standing: &Standing, rate: f32, norm: f32, waited: f64) -> serde_json::Value {
-    let losses: serde_json::Map<_, _> =
-        standing.losses.named().into_iter().map(|(name, value)| (name.to_owned(), json!(value))).collect();
+    let losses: serde_json::Map<_, _> = standing
+        .losses
+        .named()
+        .into_iter()
+        .map(|(name, value)| (name.to_owned(), json!(value)))
+        .collect();
     json!({
         "step": standing.step,
         "pairs": standing.pairs,
@@ -394,7 +485,10 @@ struct Timer(f64);
 
 impl Watch {
     fn new(seconds: f64) -> Watch {
-        Watch { checkpoint: Timer(seconds), validate: Timer(seconds) }
+        Watch {
+            checkpoint: Timer(seconds),
+            validate: Timer(seconds),
+        }
     }
 }
 

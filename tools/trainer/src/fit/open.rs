@@ -15,22 +15,32 @@ impl Fit {
     pub fn resume(path: &Path) -> Result<Fit, Error> {
         let (position, state) = checkpoint::load(path)?;
         let mut fit = Fit::empty(position)?;
-        let wrong =
-            |found: &dyn ToString| Error::file(path, "every tensor of its network", found.to_string());
+        let wrong = |found: &dyn ToString| {
+            Error::file(path, "every tensor of its network", found.to_string())
+        };
         let expected = fit.parameters.iter().len();
         if state.parameters.len() != expected {
-            return Err(wrong(&format!("{} tensors in place of {expected}", state.parameters.len())));
+            return Err(wrong(&format!(
+                "{} tensors in place of {expected}",
+                state.parameters.len()
+            )));
         }
         for (name, value) in state.parameters {
-            fit.parameters.restore(&name, value).map_err(|error| wrong(&error))?;
+            fit.parameters
+                .restore(&name, value)
+                .map_err(|error| wrong(&error))?;
         }
         for (name, value) in state.optimizer {
-            fit.optimizer.restore(&fit.parameters, &name, value).map_err(|error| wrong(&error))?;
+            fit.optimizer
+                .restore(&fit.parameters, &name, value)
+                .map_err(|error| wrong(&error))?;
         }
         if !state.averages.is_empty() {
             let mut averages = fit.parameters.clone();
             for (name, value) in state.averages {
-                averages.restore(&name, value).map_err(|error| wrong(&error))?;
+                averages
+                    .restore(&name, value)
+                    .map_err(|error| wrong(&error))?;
             }
             fit.averages = averages.iter().map(|p| p.value.clone()).collect();
         }
@@ -53,7 +63,8 @@ impl Fit {
             checkpoint::Form::Unfolded => {
                 let unfolded = Unfolded::read(path)?;
                 let mut fit = Fit::around(unfolded.architecture)?;
-                fit.network.import_unfolded(&mut fit.parameters, &unfolded)?;
+                fit.network
+                    .import_unfolded(&mut fit.parameters, &unfolded)?;
                 fit.position.history.push(unfolded.source);
                 Ok(fit)
             }
@@ -63,7 +74,10 @@ impl Fit {
                 fit.network.import(&mut fit.parameters, &weights)?;
                 fit.folded = true;
                 let provenance = &weights.header.provenance;
-                fit.position.history.push(format!("weights {}, {}", provenance.name, provenance.source));
+                fit.position.history.push(format!(
+                    "weights {}, {}",
+                    provenance.name, provenance.source
+                ));
                 Ok(fit)
             }
         }
@@ -82,26 +96,44 @@ impl Fit {
         let mut history = vec![format!("the mean of {} networks", 1 + others.len())];
         history.extend(mean.history());
         let share = 1.0 / (1 + others.len()) as f32;
-        mean.parameters.iter_mut().for_each(|p| p.value.data_mut().iter_mut().for_each(|v| *v *= share));
+        mean.parameters
+            .iter_mut()
+            .for_each(|p| p.value.data_mut().iter_mut().for_each(|v| *v *= share));
         for path in others {
             let other = Fit::open(path)?;
-            let alike =
-                other.folded == mean.folded && other.parameters.iter().len() == mean.parameters.iter().len();
+            let alike = other.folded == mean.folded
+                && other.parameters.iter().len() == mean.parameters.iter().len();
             for parameter in mean.parameters.iter_mut() {
                 let name = parameter.name();
-                let value = other.parameters.find(name).map(|id| &other.parameters[id].value);
+                let value = other
+                    .parameters
+                    .find(name)
+                    .map(|id| &other.parameters[id].value);
                 let value = value.filter(|value| alike && value.shape() == parameter.value.shape());
                 let value = value.ok_or_else(|| {
-                    Error::file(path, format!("a network of the shape of {}", first.display()), name)
+                    Error::file(
+                        path,
+                        format!("a network of the shape of {}", first.display()),
+                        name,
+                    )
                 })?;
                 let terms = parameter.value.data_mut().iter_mut().zip(value.data());
                 terms.for_each(|(sum, v)| *sum += share * v);
             }
             history.extend(
-                other.history().into_iter().filter(|line| !history.contains(line)).collect::<Vec<_>>(),
+                other
+                    .history()
+                    .into_iter()
+                    .filter(|line| !history.contains(line))
+                    .collect::<Vec<_>>(),
             );
         }
-        let Position { options, data, data_options, .. } = mean.position;
+        let Position {
+            options,
+            data,
+            data_options,
+            ..
+        } = mean.position;
         mean.position = Position::start(options, data, data_options);
         mean.position.history = history;
         mean.begin_averages();
@@ -110,7 +142,10 @@ impl Fit {
 
     /// A run of default options that begins with an architecture.
     fn around(architecture: Architecture) -> Result<Fit, Error> {
-        let mut options = FitOptions { architecture, ..FitOptions::cpu() };
+        let mut options = FitOptions {
+            architecture,
+            ..FitOptions::cpu()
+        };
         if architecture.encoder.is_none() {
             options.statistics_nets = StatisticsNets::None;
             options.losses.identity = 0.0;
@@ -126,7 +161,13 @@ impl Fit {
         position: Position,
         parameters: impl IntoIterator<Item = (String, Tensor)>,
     ) -> Result<Fit, Error> {
-        let Position { options, data, data_options, history, .. } = position;
+        let Position {
+            options,
+            data,
+            data_options,
+            history,
+            ..
+        } = position;
         let mut fit = Fit::start(options, data, data_options)?;
         fit.position.history = history;
         for (name, value) in parameters {
@@ -146,9 +187,16 @@ impl Fit {
     /// Takes over another network's parameters that have the same name and shape; the names of those that have not.
     pub fn take_over(&mut self, other: &Fit) -> Vec<String> {
         let mut fresh = Vec::new();
-        let names: Vec<_> = self.parameters.iter().map(|p| p.name().to_owned()).collect();
+        let names: Vec<_> = self
+            .parameters
+            .iter()
+            .map(|p| p.name().to_owned())
+            .collect();
         for name in names {
-            let value = other.parameters.find(&name).map(|id| other.parameters[id].value.clone());
+            let value = other
+                .parameters
+                .find(&name)
+                .map(|id| other.parameters[id].value.clone());
             if value.is_none_or(|value| self.parameters.restore(&name, value).is_err()) {
                 fresh.push(name);
             }
@@ -161,7 +209,15 @@ impl Fit {
 
     /// What was done to the parameters so far, this run included: a sentence each.
     pub fn history(&self) -> Vec<String> {
-        let Position { options, data, data_options, step, seconds, history, .. } = &self.position;
+        let Position {
+            options,
+            data,
+            data_options,
+            step,
+            seconds,
+            history,
+            ..
+        } = &self.position;
         let mut all = history.clone();
         if *step > 0 {
             let (batch, hours, seed) = (options.batch, seconds / 3600.0, data_options.seed);
@@ -186,10 +242,18 @@ mod tests {
 
     fn tiny() -> Fit {
         let widths = Widths::uniform([4, 6, 8, 8, 8], 8);
-        let architecture =
-            Architecture { search_size: 191, ..Architecture::new(widths, Some(Encoder::standard(8))) };
+        let architecture = Architecture {
+            search_size: 191,
+            ..Architecture::new(widths, Some(Encoder::standard(8)))
+        };
         let budget = Budget::Steps(1);
-        let options = FitOptions { architecture, early_size: 191, batch: 2, budget, ..FitOptions::cpu() };
+        let options = FitOptions {
+            architecture,
+            early_size: 191,
+            batch: 2,
+            budget,
+            ..FitOptions::cpu()
+        };
         Fit::start(options, vec!["scenes".into()], DataOptions::default()).unwrap()
     }
 
@@ -202,15 +266,25 @@ mod tests {
         let found = fit.network().predict(&mut tape, template, search);
         let offsets = tape.value(found.offsets).data().iter();
         // Behind the scalars, which a weights file has folded in.
-        let scalar = |name: &str| fit.parameters()[fit.parameters().find(name).unwrap()].value.item();
-        let decoded: Vec<f32> = offsets.map(|o| scalar("head.si") * o + scalar("head.bi")).collect();
+        let scalar = |name: &str| {
+            fit.parameters()[fit.parameters().find(name).unwrap()]
+                .value
+                .item()
+        };
+        let decoded: Vec<f32> = offsets
+            .map(|o| scalar("head.si") * o + scalar("head.bi"))
+            .collect();
         [tape.value(found.score).data().to_vec(), decoded].concat()
     }
 
     fn assert_close(found: &[f32], expected: &[f32]) {
         let scale = expected.iter().map(|v| v.abs()).fold(0.0, f32::max);
         assert!(found.len() == expected.len() && scale > 0.01);
-        let worst = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let worst = found
+            .iter()
+            .zip(expected)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f32::max);
         assert!(worst < 1e-3 * scale, "{worst} of {scale}");
     }
 
@@ -218,15 +292,27 @@ mod tests {
     fn a_weights_file_is_unfolded_without_a_change() {
         let folder = Folder::new("open");
         let path = folder.path().join("weights.safetensors");
-        let dataset = Dataset::open(&[pictures(&folder).parse().unwrap()], DataOptions::default());
+        let dataset = Dataset::open(
+            &[pictures(&folder).parse().unwrap()],
+            DataOptions::default(),
+        );
         let dataset = Arc::new(dataset.unwrap());
         let mut fit = tiny();
-        fit.parameters.iter_mut().find(|p| p.name() == "head.si").unwrap().value.data_mut()[0] = 0.7;
+        fit.parameters
+            .iter_mut()
+            .find(|p| p.name() == "head.si")
+            .unwrap()
+            .value
+            .data_mut()[0] = 0.7;
         let mut weights = fit.export(Storage::F32, "tiny", None).unwrap();
         // As a network that was trained on plain pixels.
         let plain = InputNormalization::default();
-        let mut conv1 =
-            ["weight", "bias"].map(|p| weights.tensor(&format!("backbone.conv1.{p}")).unwrap().clone());
+        let mut conv1 = ["weight", "bias"].map(|p| {
+            weights
+                .tensor(&format!("backbone.conv1.{p}"))
+                .unwrap()
+                .clone()
+        });
         let [w, b] = &mut conv1;
         InputNormalization::TRAINED.translate(&plain, &mut w.data, &mut b.data);
         let [w, b] = conv1;
@@ -239,7 +325,9 @@ mod tests {
         let expected = outputs(&fit, &dataset);
         assert_close(&outputs(&opened, &dataset), &expected);
         let scale = |fit: &Fit| {
-            fit.parameters()[fit.parameters().find("neck.search_cls.bn.scale").unwrap()].value.clone()
+            fit.parameters()[fit.parameters().find("neck.search_cls.bn.scale").unwrap()]
+                .value
+                .clone()
         };
         let identity = scale(&opened);
         let compute = compute(2).unwrap();
@@ -249,7 +337,10 @@ mod tests {
         // With the data's statistics, training mode sees what evaluation mode does, roughly: a batch is small.
         let before = opened.parameters().clone();
         opened.unfold(&compute, &dataset, 1);
-        assert!(before.state().eq(opened.parameters().state()), "once is enough");
+        assert!(
+            before.state().eq(opened.parameters().state()),
+            "once is enough"
+        );
         assert_eq!(opened.history(), ["weights tiny, track-cpu trainer 0.1.0"]);
     }
 
@@ -259,7 +350,11 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         let (mut fit, mut expected) = (tiny(), tiny());
         for (i, name) in ["a", "b"].iter().enumerate() {
-            for (p, e) in fit.parameters.iter_mut().zip(expected.parameters.iter_mut()) {
+            for (p, e) in fit
+                .parameters
+                .iter_mut()
+                .zip(expected.parameters.iter_mut())
+            {
                 p.value.data_mut().fill(1.0 + 4.0 * i as f32);
                 e.value.data_mut().fill(3.0);
             }
@@ -269,10 +364,22 @@ mod tests {
         let mean = Fit::mean(&path("a"), &[path("b")]).unwrap();
         assert!(mean.deployed().state().eq(expected.parameters.state()));
         assert_eq!(mean.history(), ["the mean of 2 networks"]);
-        let architecture = Architecture { encoder: None, ..fit.position.options.architecture };
-        Fit::around(architecture).unwrap().save(&path("other")).unwrap();
-        let error = Fit::mean(&path("a"), &[path("other")]).err().unwrap().to_string();
-        assert!(error.contains("other") && error.contains("a network of the shape of"), "{error}");
+        let architecture = Architecture {
+            encoder: None,
+            ..fit.position.options.architecture
+        };
+        Fit::around(architecture)
+            .unwrap()
+            .save(&path("other"))
+            .unwrap();
+        let error = Fit::mean(&path("a"), &[path("other")])
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(
+            error.contains("other") && error.contains("a network of the shape of"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -281,7 +388,13 @@ mod tests {
         let fit = tiny();
         let [checkpoint, unfolded, other] = ["a", "b", "c"].map(|name| folder.path().join(name));
         fit.save(&checkpoint).unwrap();
-        assert!(Fit::open(&checkpoint).unwrap().parameters().state().eq(fit.parameters().state()));
+        assert!(
+            Fit::open(&checkpoint)
+                .unwrap()
+                .parameters()
+                .state()
+                .eq(fit.parameters().state())
+        );
         let mut read = Unfolded::read(&checkpoint).unwrap();
         read.source = "a test".into();
         read.write(&unfolded).unwrap();
@@ -291,9 +404,11 @@ mod tests {
             assert_eq!(opened.parameters()[id].value.data(), tensor.data, "{name}");
         }
         assert_eq!(opened.history(), ["a test"]);
-        for (bytes, expected) in
-            [(&b"PK\x03\x04"[..], "PyTorch"), (b"what", "convert --to trainer"), (b"", "found")]
-        {
+        for (bytes, expected) in [
+            (&b"PK\x03\x04"[..], "PyTorch"),
+            (b"what", "convert --to trainer"),
+            (b"", "found"),
+        ] {
             std::fs::write(&other, bytes).unwrap();
             let message = Fit::open(&other).err().unwrap().to_string();
             assert!(message.contains(expected), "{message}");

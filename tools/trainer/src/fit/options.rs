@@ -131,7 +131,11 @@ impl FitOptions {
     /// Names the first option that is out of range.
     pub fn check(&self) -> Result<(), Error> {
         self.architecture.check()?;
-        Architecture { search_size: self.early_size, ..self.architecture }.check()?;
+        Architecture {
+            search_size: self.early_size,
+            ..self.architecture
+        }
+        .check()?;
         let within = |option: &str, value: f64, low: f64, high: f64| {
             if (low..=high).contains(&value) {
                 return Ok(());
@@ -144,7 +148,12 @@ impl FitOptions {
         within("--clip", f64::from(self.clip), 0.0, f64::from(f32::MAX))?;
         within("--early-share", self.early_share, 0.0, 1.0)?;
         within("--average", f64::from(self.average), 0.0, 0.999_999)?;
-        within("--estimation-batches", self.estimation_batches as f64, 0.0, 1e5)?;
+        within(
+            "--estimation-batches",
+            self.estimation_batches as f64,
+            0.0,
+            1e5,
+        )?;
         match self.budget {
             Budget::Steps(steps) => within("--steps", steps as f64, 1.0, 1e12),
             Budget::Minutes(minutes) => within("--minutes", minutes, 1e-3, 1e6),
@@ -155,8 +164,11 @@ impl FitOptions {
     pub fn rate(&self, progress: f64) -> f32 {
         const FINE: f64 = 1e9; // the schedule counts whole steps; these are fine enough for any run
         let fine = |share: f64| (share.clamp(0.0, 1.0) * FINE) as usize;
-        let start =
-            if self.warmup_share > 0.0 { self.floor_rate.min(self.peak_rate) } else { self.peak_rate };
+        let start = if self.warmup_share > 0.0 {
+            self.floor_rate.min(self.peak_rate)
+        } else {
+            self.peak_rate
+        };
         let schedule = WarmupCosine {
             start,
             peak: self.peak_rate,
@@ -169,7 +181,11 @@ impl FitOptions {
 
     /// Side of the search crops when that share of the run is done.
     pub fn search_size(&self, progress: f64) -> usize {
-        if progress < self.early_share { self.early_size } else { self.architecture.search_size }
+        if progress < self.early_share {
+            self.early_size
+        } else {
+            self.architecture.search_size
+        }
     }
 
     /// A fresh optimizer.
@@ -219,9 +235,17 @@ mod tests {
     fn rates_of_the_spec() {
         let paper = FitOptions::paper();
         // Steps 6250, 12500, 62500 + 12500 .. of 250000 (spec section 3.5).
-        for (step, rate) in [(6250, 0.0400005), (12_500, 0.08), (62_500, 0.0715657), (131_250, 0.0400005)] {
+        for (step, rate) in [
+            (6250, 0.0400005),
+            (12_500, 0.08),
+            (62_500, 0.0715657),
+            (131_250, 0.0400005),
+        ] {
             let found = f64::from(paper.rate(f64::from(step) / 250_000.0));
-            assert!((found / rate - 1.0).abs() < 1e-4, "step {step}: {found}, expected {rate}");
+            assert!(
+                (found / rate - 1.0).abs() < 1e-4,
+                "step {step}: {found}, expected {rate}"
+            );
         }
         let cpu = FitOptions::cpu();
         assert!((cpu.rate(0.03) - 6e-4).abs() < 1e-8 && (cpu.rate(1.0) - 3e-6).abs() < 1e-9);
@@ -231,32 +255,60 @@ mod tests {
     #[test]
     fn search_crops_grow() {
         let cpu = FitOptions::cpu();
-        assert_eq!([0.0, 0.49, 0.5, 1.0].map(|p| cpu.search_size(p)), [239, 239, 303, 303]);
+        assert_eq!(
+            [0.0, 0.49, 0.5, 1.0].map(|p| cpu.search_size(p)),
+            [239, 239, 303, 303]
+        );
         assert_eq!(FitOptions::paper().search_size(0.0), 303);
     }
 
     #[test]
     fn groups() {
-        let names = |options: &FitOptions, progress: f64, select: &dyn Fn(&autodiff::Parameter) -> bool| {
-            let mut parameters = Parameters::new();
-            Network::new(&mut parameters, options.architecture, options.statistics_nets).unwrap();
-            options.group(&mut parameters, progress);
-            let chosen = parameters.iter().filter(|p| !p.is_statistic() && select(p));
-            chosen.map(|p| p.name().to_owned()).collect::<Vec<_>>()
-        };
+        let names =
+            |options: &FitOptions, progress: f64, select: &dyn Fn(&autodiff::Parameter) -> bool| {
+                let mut parameters = Parameters::new();
+                Network::new(
+                    &mut parameters,
+                    options.architecture,
+                    options.statistics_nets,
+                )
+                .unwrap();
+                options.group(&mut parameters, progress);
+                let chosen = parameters.iter().filter(|p| !p.is_statistic() && select(p));
+                chosen.map(|p| p.name().to_owned()).collect::<Vec<_>>()
+            };
         let (cpu, paper) = (FitOptions::cpu(), FitOptions::paper());
         let decayed = names(&cpu, 0.0, &|p| p.decay > 0.0);
         assert!(
-            decayed.contains(&"backbone.conv1.weight".into()) && decayed.contains(&"dr.e1.0.weight".into())
+            decayed.contains(&"backbone.conv1.weight".into())
+                && decayed.contains(&"dr.e1.0.weight".into())
         );
-        assert!(decayed.iter().all(|n| n.ends_with(".weight") && !n.starts_with("mi.") && !n.contains("bn")));
+        assert!(
+            decayed
+                .iter()
+                .all(|n| n.ends_with(".weight") && !n.starts_with("mi.") && !n.contains("bn"))
+        );
         assert!(names(&cpu, 0.0, &|p| p.frozen || p.rate != 1.0).is_empty());
         assert!(names(&paper, 0.0, &|p| p.decay == 0.0).is_empty());
-        for (epoch, frozen) in [(0.0, 10), (4.9, 10), (5.0, 8), (10.0, 6), (15.0, 4), (20.0, 4)] {
-            assert_eq!(names(&paper, epoch / 20.0, &|p| p.frozen).len(), frozen, "epoch {epoch}");
+        for (epoch, frozen) in [
+            (0.0, 10),
+            (4.9, 10),
+            (5.0, 8),
+            (10.0, 6),
+            (15.0, 4),
+            (20.0, 4),
+        ] {
+            assert_eq!(
+                names(&paper, epoch / 20.0, &|p| p.frozen).len(),
+                frozen,
+                "epoch {epoch}"
+            );
         }
         let slow = names(&paper, 0.0, &|p| p.rate != 1.0);
-        assert!(slow.len() == 20 && slow.iter().all(|n| n.starts_with("backbone.")), "{slow:?}");
+        assert!(
+            slow.len() == 20 && slow.iter().all(|n| n.starts_with("backbone.")),
+            "{slow:?}"
+        );
     }
 
     #[test]

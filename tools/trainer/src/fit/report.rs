@@ -57,19 +57,39 @@ impl Reporter {
             String::new()
         };
         // Behind a checkpoint, an interrupted run may have gone on for a while.
-        let of_run = |entry: &Value| entry.get("step").and_then(Value::as_u64).is_some_and(|s| s <= step);
-        let log: Vec<Value> =
-            text.lines().filter_map(|line| serde_json::from_str(line).ok()).filter(of_run).collect();
+        let of_run = |entry: &Value| {
+            entry
+                .get("step")
+                .and_then(Value::as_u64)
+                .is_some_and(|s| s <= step)
+        };
+        let log: Vec<Value> = text
+            .lines()
+            .filter_map(|line| serde_json::from_str(line).ok())
+            .filter(of_run)
+            .collect();
         let kept: String = log.iter().map(|entry| format!("{entry}\n")).collect();
         write_atomically(&path, kept.as_bytes())?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(Error::io(&path))?;
+        let file = OpenOptions::new()
+            .append(true)
+            .open(&path)
+            .map_err(Error::io(&path))?;
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = ProgressStyle::with_template("{wide_bar} {percent:>3}% {msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new(Reporter::FINE as u64).with_style(style)
         });
-        let last_line = Instant::now().checked_sub(Duration::from_secs(50)).unwrap_or_else(Instant::now);
-        Ok(Reporter { log, file, path, curves: folder.join("curves.svg"), bar, last_line })
+        let last_line = Instant::now()
+            .checked_sub(Duration::from_secs(50))
+            .unwrap_or_else(Instant::now);
+        Ok(Reporter {
+            log,
+            file,
+            path,
+            curves: folder.join("curves.svg"),
+            bar,
+            last_line,
+        })
     }
 
     /// Adds an entry to the log.
@@ -78,7 +98,9 @@ impl Reporter {
     /// If it cannot be written.
     pub fn log(&mut self, entry: Value) -> Result<(), Error> {
         let line = format!("{entry}\n");
-        self.file.write_all(line.as_bytes()).map_err(Error::io(&self.path))?;
+        self.file
+            .write_all(line.as_bytes())
+            .map_err(Error::io(&self.path))?;
         self.log.push(entry);
         Ok(())
     }
@@ -126,10 +148,30 @@ impl Drop for Reporter {
 
 impl std::fmt::Display for Standing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Standing { step, pairs, progress, seconds, speed, losses, size } = self;
-        let left = if *progress > 0.0 { seconds / progress - seconds } else { 0.0 };
-        write!(f, "step {step} pairs {pairs} {speed:.1} pairs/s size {size} left {}", clock(left))?;
-        for (name, value) in losses.named().into_iter().filter(|(_, value)| *value != 0.0) {
+        let Standing {
+            step,
+            pairs,
+            progress,
+            seconds,
+            speed,
+            losses,
+            size,
+        } = self;
+        let left = if *progress > 0.0 {
+            seconds / progress - seconds
+        } else {
+            0.0
+        };
+        write!(
+            f,
+            "step {step} pairs {pairs} {speed:.1} pairs/s size {size} left {}",
+            clock(left)
+        )?;
+        for (name, value) in losses
+            .named()
+            .into_iter()
+            .filter(|(_, value)| *value != 0.0)
+        {
             write!(f, " {name} {value:.3}")?;
         }
         Ok(())

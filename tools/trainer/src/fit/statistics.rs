@@ -24,10 +24,19 @@ pub fn estimate(
     }
     let frozen: Vec<bool> = parameters.iter().map(|p| p.frozen).collect();
     parameters.iter_mut().for_each(|p| p.frozen = true); // no gradients, so nothing is recorded for them
-    let kept: Vec<_> = parameters.iter().map(|p| p.is_statistic().then(|| p.value.clone())).collect();
+    let kept: Vec<_> = parameters
+        .iter()
+        .map(|p| p.is_statistic().then(|| p.value.clone()))
+        .collect();
     let mut sums: Vec<Vec<f64>> = parameters
         .iter()
-        .map(|p| if p.is_statistic() { vec![0.0; p.value.data().len()] } else { vec![] })
+        .map(|p| {
+            if p.is_statistic() {
+                vec![0.0; p.value.data().len()]
+            } else {
+                vec![]
+            }
+        })
         .collect();
     let size = network.architecture().search_size;
     for _ in 0..count {
@@ -38,7 +47,11 @@ pub fn estimate(
         let mut tape = Tape::new(compute, parameters, Mode::Training);
         network.predict(&mut tape, batch.template, batch.search);
         drop(tape);
-        for (parameter, sum) in parameters.iter().zip(&mut sums).filter(|(p, _)| p.is_statistic()) {
+        for (parameter, sum) in parameters
+            .iter()
+            .zip(&mut sums)
+            .filter(|(p, _)| p.is_statistic())
+        {
             for (sum, value) in sum.iter_mut().zip(parameter.value.data()) {
                 *sum += f64::from(*value);
             }
@@ -49,7 +62,8 @@ pub fn estimate(
     for ((parameter, sum), kept) in parameters.iter_mut().zip(&sums).zip(kept) {
         let Some(kept) = kept else { continue };
         let both = layers.iter().any(|l| {
-            l.branch == weights_format::Branch::Both && parameter.name().starts_with(&format!("{}.", l.name))
+            l.branch == weights_format::Branch::Both
+                && parameter.name().starts_with(&format!("{}.", l.name))
         });
         let runs = layers
             .iter()
@@ -65,7 +79,10 @@ pub fn estimate(
             *value = (sum / (weight * count as f64)) as f32;
         }
     }
-    parameters.iter_mut().zip(frozen).for_each(|(p, frozen)| p.frozen = frozen);
+    parameters
+        .iter_mut()
+        .zip(frozen)
+        .for_each(|(p, frozen)| p.frozen = frozen);
 }
 
 /// Added to the variance (spec section 1.1).
@@ -84,33 +101,60 @@ pub fn unfold(
     parameters.iter_mut().for_each(|p| p.frozen = true);
     let mut moments: BTreeMap<String, Vec<[f64; 3]>> = BTreeMap::new(); // count, sum, sum of squares per channel
     for _ in 0..count {
-        let batch = batch(&feed.next(|_| network.architecture().search_size), network.architecture());
+        let batch = batch(
+            &feed.next(|_| network.architecture().search_size),
+            network.architecture(),
+        );
         let mut tape = Tape::new(compute, parameters, Mode::Evaluation);
         for made in network.observe(&mut tape, batch.template, batch.search) {
             let maps = tape.value(made.convolved);
             let channels = maps.shape().last().copied().unwrap_or(1);
-            let of_layer = moments.entry(made.layer).or_insert_with(|| vec![[0.0; 3]; channels]);
+            let of_layer = moments
+                .entry(made.layer)
+                .or_insert_with(|| vec![[0.0; 3]; channels]);
             for pixel in maps.data().chunks_exact(channels) {
                 for (moments, value) in of_layer.iter_mut().zip(pixel) {
                     let value = f64::from(*value);
-                    *moments = [moments[0] + 1.0, moments[1] + value, moments[2] + value * value];
+                    *moments = [
+                        moments[0] + 1.0,
+                        moments[1] + value,
+                        moments[2] + value * value,
+                    ];
                 }
             }
         }
     }
-    for (layer, moments) in moments.iter().filter(|(layer, _)| !layer.starts_with("dr.e1.")) {
+    for (layer, moments) in moments
+        .iter()
+        .filter(|(layer, _)| !layer.starts_with("dr.e1."))
+    {
         let mean: Vec<f64> = moments.iter().map(|m| m[1] / m[0]).collect();
-        let variance: Vec<f64> =
-            moments.iter().zip(&mean).map(|(m, mean)| (m[2] / m[0] - mean * mean).max(0.0)).collect();
-        let deviation: Vec<f64> = variance.iter().map(|variance| (variance + EPSILON).sqrt()).collect();
-        for (part, found) in
-            [("mean", &mean), ("variance", &variance), ("scale", &deviation), ("shift", &mean)]
-        {
+        let variance: Vec<f64> = moments
+            .iter()
+            .zip(&mean)
+            .map(|(m, mean)| (m[2] / m[0] - mean * mean).max(0.0))
+            .collect();
+        let deviation: Vec<f64> = variance
+            .iter()
+            .map(|variance| (variance + EPSILON).sqrt())
+            .collect();
+        for (part, found) in [
+            ("mean", &mean),
+            ("variance", &variance),
+            ("scale", &deviation),
+            ("shift", &mean),
+        ] {
             if let Some(id) = parameters.find(&format!("{layer}.bn.{part}")) {
                 let values = parameters[id].value.data_mut();
-                values.iter_mut().zip(found).for_each(|(value, found)| *value = *found as f32);
+                values
+                    .iter_mut()
+                    .zip(found)
+                    .for_each(|(value, found)| *value = *found as f32);
             }
         }
     }
-    parameters.iter_mut().zip(frozen).for_each(|(p, frozen)| p.frozen = frozen);
+    parameters
+        .iter_mut()
+        .zip(frozen)
+        .for_each(|(p, frozen)| p.frozen = frozen);
 }

@@ -22,7 +22,9 @@ fn tiny() -> FitOptions {
 }
 
 fn open(fit: &Fit) -> Arc<Dataset> {
-    let Position { data, data_options, .. } = fit.position();
+    let Position {
+        data, data_options, ..
+    } = fit.position();
     let specs: Vec<_> = data.iter().map(|text| text.parse().unwrap()).collect();
     Arc::new(Dataset::open(&specs, data_options.clone()).unwrap())
 }
@@ -43,10 +45,22 @@ fn run_options(folder: &Folder, name: &str) -> RunOptions {
 fn an_interrupted_run_ends_in_the_same_bits() {
     let folder = Folder::new("fit");
     for optimizer in [OptimizerKind::AdamW, OptimizerKind::Sgd] {
-        let options = FitOptions { optimizer, ..tiny() };
-        let start = || Fit::start(options.clone(), vec![pictures(&folder)], DataOptions::default()).unwrap();
+        let options = FitOptions {
+            optimizer,
+            ..tiny()
+        };
+        let start = || {
+            Fit::start(
+                options.clone(),
+                vec![pictures(&folder)],
+                DataOptions::default(),
+            )
+            .unwrap()
+        };
         let mut straight = start();
-        straight.run(open(&straight), &run_options(&folder, "straight")).unwrap();
+        straight
+            .run(open(&straight), &run_options(&folder, "straight"))
+            .unwrap();
 
         let mut halted = start();
         let mut run = run_options(&folder, "halted");
@@ -62,11 +76,17 @@ fn an_interrupted_run_ends_in_the_same_bits() {
         resumed.run(open(&resumed), &run).unwrap();
 
         assert_eq!(resumed.position().step, 40);
-        for (a, b) in straight.parameters().state().zip(resumed.parameters().state()) {
+        for (a, b) in straight
+            .parameters()
+            .state()
+            .zip(resumed.parameters().state())
+        {
             let bits = |t: &Tensor| t.data().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
             assert!(a.0 == b.0 && bits(a.1) == bits(b.1), "{}", a.0);
         }
-        let file = |name: &str| std::fs::read(folder.path().join(name).join("weights.safetensors")).unwrap();
+        let file = |name: &str| {
+            std::fs::read(folder.path().join(name).join("weights.safetensors")).unwrap()
+        };
         assert_eq!(file("straight").len(), file("halted").len());
     }
 }
@@ -83,7 +103,11 @@ fn a_tiny_network_learns_a_few_pairs_by_heart() {
         estimation_batches: 0,
         ..tiny()
     };
-    let data = DataOptions { augment: Augment::none(), negatives: 0.0, ..DataOptions::default() };
+    let data = DataOptions {
+        augment: Augment::none(),
+        negatives: 0.0,
+        ..DataOptions::default()
+    };
     let mut fit = Fit::start(options, vec![pictures(&folder)], data).unwrap();
     let dataset = open(&fit);
     let compute = compute(2).unwrap();
@@ -95,9 +119,24 @@ fn a_tiny_network_learns_a_few_pairs_by_heart() {
         all.push(fit.step(&compute, batch).unwrap().0);
     }
     let (first, last) = (all[0], all[399]);
-    assert!(last.iou < 0.35 * first.iou, "IoU loss {} -> {}", first.iou, last.iou);
-    assert!(last.cls < 0.3 * first.cls, "classification loss {} -> {}", first.cls, last.cls);
-    assert!(last.total < 0.4 * first.total, "total {} -> {}", first.total, last.total);
+    assert!(
+        last.iou < 0.35 * first.iou,
+        "IoU loss {} -> {}",
+        first.iou,
+        last.iou
+    );
+    assert!(
+        last.cls < 0.3 * first.cls,
+        "classification loss {} -> {}",
+        first.cls,
+        last.cls
+    );
+    assert!(
+        last.total < 0.4 * first.total,
+        "total {} -> {}",
+        first.total,
+        last.total
+    );
 }
 
 #[test]
@@ -105,8 +144,14 @@ fn losses_that_are_not_finite_stop_the_run() {
     let folder = Folder::new("fit");
     let mut fit = Fit::start(tiny(), vec![pictures(&folder)], DataOptions::default()).unwrap();
     fit.parameters.iter_mut().next().unwrap().value.data_mut()[0] = f32::NAN;
-    let error = fit.run(open(&fit), &run_options(&folder, "nan")).unwrap_err().to_string();
-    assert!(error.contains("step 0") && error.contains("expected a finite number"), "{error}");
+    let error = fit
+        .run(open(&fit), &run_options(&folder, "nan"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("step 0") && error.contains("expected a finite number"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -116,10 +161,17 @@ fn parameters_move_from_one_network_to_another_as_far_as_they_fit() {
     let small = Fit::start(tiny(), data.clone(), DataOptions::default()).unwrap();
     let path = folder.path().join("c.safetensors");
     small.save(&path).unwrap();
-    let options = FitOptions { seed: 9, statistics_nets: crate::network::StatisticsNets::Full, ..tiny() };
+    let options = FitOptions {
+        seed: 9,
+        statistics_nets: crate::network::StatisticsNets::Full,
+        ..tiny()
+    };
     let mut other = Fit::start(options, data, DataOptions::default()).unwrap();
     let fresh = other.take_over(&Fit::open(&path).unwrap());
-    assert!(!fresh.is_empty() && fresh.iter().all(|name| name.starts_with("mi.")), "{fresh:?}");
+    assert!(
+        !fresh.is_empty() && fresh.iter().all(|name| name.starts_with("mi.")),
+        "{fresh:?}"
+    );
     let value = |fit: &Fit| fit.parameters.iter().next().unwrap().value.clone();
     assert_eq!(value(&small), value(&other));
 }
@@ -133,8 +185,16 @@ fn estimated_statistics_are_those_of_the_data() {
     let mut feed = Feed::new(dataset.clone(), 2, 5, 1, 2);
     statistics::estimate(&compute, &fit.network, &mut fit.parameters, &mut feed, 2);
     // By hand: conv1's outputs on the same crops, template and search crop apart.
-    let parameter = |name: &str| fit.parameters[fit.parameters.find(name).unwrap()].value.data().to_vec();
-    let (weight, found) = (parameter("backbone.conv1.weight"), parameter("backbone.conv1.bn.mean"));
+    let parameter = |name: &str| {
+        fit.parameters[fit.parameters.find(name).unwrap()]
+            .value
+            .data()
+            .to_vec()
+    };
+    let (weight, found) = (
+        parameter("backbone.conv1.weight"),
+        parameter("backbone.conv1.bn.mean"),
+    );
     let crops: Vec<_> = (10..14).map(|i| dataset.sample(i, 191)).collect();
     let mean = |crop: &[u8], side: usize| {
         let out = (side - 11) / 2 + 1;
@@ -153,7 +213,14 @@ fn estimated_statistics_are_those_of_the_data() {
     let template: f64 = crops.iter().map(|s| mean(&s.template, 127)).sum::<f64>() / 4.0;
     let search: f64 = crops.iter().map(|s| mean(&s.search, 191)).sum::<f64>() / 4.0;
     let expected = (0.9 * template + search) / 1.9; // the later pass counts a tenth more
-    assert!((f64::from(found[0]) - expected).abs() < 1e-3, "{}, expected {expected}", found[0]);
+    assert!(
+        (f64::from(found[0]) - expected).abs() < 1e-3,
+        "{}, expected {expected}",
+        found[0]
+    );
     let e1 = parameter("dr.e1.0.bn.variance");
-    assert!(e1.iter().all(|v| *v == 1.0), "what is not deployed keeps its statistics");
+    assert!(
+        e1.iter().all(|v| *v == 1.0),
+        "what is not deployed keeps its statistics"
+    );
 }

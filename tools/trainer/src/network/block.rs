@@ -23,7 +23,10 @@ impl Block {
     /// Adds a layer's parameters: weights and shifts 0, scales and variances 1.
     pub fn new(parameters: &mut Parameters, layer: &Layer) -> Block {
         let (name, outputs) = (&layer.name, [layer.out_channels]);
-        let weight = parameters.add(format!("{name}.weight"), Tensor::zeros(&layer.weight_shape()));
+        let weight = parameters.add(
+            format!("{name}.weight"),
+            Tensor::zeros(&layer.weight_shape()),
+        );
         let bias = parameters.add(format!("{name}.bias"), Tensor::zeros(&outputs));
         let norm = layer.bn.then(|| Norm {
             scale: parameters.add(format!("{name}.bn.scale"), Tensor::full(&outputs, 1.0)),
@@ -34,21 +37,46 @@ impl Block {
                     .add_statistic(format!("{name}.bn.variance"), Tensor::full(&outputs, 1.0)),
             },
         });
-        let options = Conv2d { stride: layer.stride, pad: layer.pad, relu: layer.relu };
-        Block { weight, bias, norm, options }
+        let options = Conv2d {
+            stride: layer.stride,
+            pad: layer.pad,
+            relu: layer.relu,
+        };
+        Block {
+            weight,
+            bias,
+            norm,
+            options,
+        }
     }
 
     /// Maps `[batch, H, W, Cin]` to maps `[batch, H', W', Cout]`: behind the convolution alone, and behind all of it. Without
     /// a normalization between them, both are the same.
     pub fn forward(&self, tape: &mut Tape, x: Var) -> (Var, Var) {
         let (weight, bias) = (tape.parameter(self.weight), tape.parameter(self.bias));
-        let Some(Norm { scale, shift, running }) = self.norm else {
+        let Some(Norm {
+            scale,
+            shift,
+            running,
+        }) = self.norm
+        else {
             let output = tape.conv2d(x, weight, Some(bias), self.options);
             return (output, output);
         };
-        let convolved = tape.conv2d(x, weight, Some(bias), Conv2d { relu: false, ..self.options });
+        let convolved = tape.conv2d(
+            x,
+            weight,
+            Some(bias),
+            Conv2d {
+                relu: false,
+                ..self.options
+            },
+        );
         let (scale, shift) = (tape.parameter(scale), tape.parameter(shift));
-        (convolved, tape.batch_norm(convolved, scale, shift, running, self.options.relu))
+        (
+            convolved,
+            tape.batch_norm(convolved, scale, shift, running, self.options.relu),
+        )
     }
 }
 
@@ -60,10 +88,18 @@ pub struct Statistics {
 
 impl Statistics {
     /// Adds the parameters `<name>.<0..3>.weight` and `.bias`, all 0.
-    pub fn new(parameters: &mut Parameters, name: &str, inputs: usize, hidden: usize) -> Statistics {
+    pub fn new(
+        parameters: &mut Parameters,
+        name: &str,
+        inputs: usize,
+        hidden: usize,
+    ) -> Statistics {
         let mut i = 0;
         let layers = [(inputs, hidden), (hidden, hidden), (hidden, 1)].map(|(inputs, outputs)| {
-            let weight = parameters.add(format!("{name}.{i}.weight"), Tensor::zeros(&[outputs, inputs]));
+            let weight = parameters.add(
+                format!("{name}.{i}.weight"),
+                Tensor::zeros(&[outputs, inputs]),
+            );
             let bias = parameters.add(format!("{name}.{i}.bias"), Tensor::zeros(&[outputs]));
             i += 1;
             (weight, bias)

@@ -13,15 +13,34 @@ const EPSILON: f64 = 1e-5;
 impl Network {
     /// The deployed network: batch normalization and the head's scalars folded in, E1 and the statistics networks left
     /// out.
-    pub fn export(&self, parameters: &Parameters, storage: Storage, provenance: Provenance) -> Weights {
+    pub fn export(
+        &self,
+        parameters: &Parameters,
+        storage: Storage,
+        provenance: Provenance,
+    ) -> Weights {
         let values = |name: &str| {
-            let id = parameters.find(name).expect("a network's parameters are all there");
+            let id = parameters
+                .find(name)
+                .expect("a network's parameters are all there");
             parameters[id].value.data()
         };
-        let header = Header { storage, provenance, input: INPUT, ..Header::new(self.architecture) };
+        let header = Header {
+            storage,
+            provenance,
+            input: INPUT,
+            ..Header::new(self.architecture)
+        };
         let mut weights = Weights::new(header);
-        let [si, bi] = self.scalars.map(|id| f64::from(parameters[id].value.item()));
-        for layer in self.architecture.layers().iter().filter(|layer| layer.kind == LayerKind::Conv) {
+        let [si, bi] = self
+            .scalars
+            .map(|id| f64::from(parameters[id].value.item()));
+        for layer in self
+            .architecture
+            .layers()
+            .iter()
+            .filter(|layer| layer.kind == LayerKind::Conv)
+        {
             let name = &layer.name;
             let of = |suffix: &str| values(&format!("{name}.{suffix}"));
             let (mut weight, mut bias) = (of("weight").to_vec(), of("bias").to_vec());
@@ -31,7 +50,8 @@ impl Network {
                 let mut shifted = f64::from(*bias);
                 if layer.bn {
                     let [scale, shift, mean, variance] =
-                        ["bn.scale", "bn.shift", "bn.mean", "bn.variance"].map(|s| f64::from(of(s)[o]));
+                        ["bn.scale", "bn.shift", "bn.mean", "bn.variance"]
+                            .map(|s| f64::from(of(s)[o]));
                     factor = scale / (variance + EPSILON).sqrt();
                     shifted = (shifted - mean) * factor + shift;
                 }
@@ -39,14 +59,25 @@ impl Network {
                     factor *= si;
                     shifted = shifted * si + bi;
                 }
-                weight.iter_mut().for_each(|w| *w = (f64::from(*w) * factor) as f32);
+                weight
+                    .iter_mut()
+                    .for_each(|w| *w = (f64::from(*w) * factor) as f32);
                 *bias = shifted as f32;
             }
             weights.insert(
                 format!("{name}.weight"),
-                Tensor { shape: layer.weight_shape().to_vec(), data: weight },
+                Tensor {
+                    shape: layer.weight_shape().to_vec(),
+                    data: weight,
+                },
             );
-            weights.insert(format!("{name}.bias"), Tensor { shape: vec![layer.out_channels], data: bias });
+            weights.insert(
+                format!("{name}.bias"),
+                Tensor {
+                    shape: vec![layer.out_channels],
+                    data: bias,
+                },
+            );
         }
         weights
     }

@@ -18,7 +18,12 @@ impl Network {
     /// If the weights are another network's.
     pub fn import(&self, parameters: &mut Parameters, weights: &Weights) -> Result<(), Error> {
         weights.check()?;
-        for layer in self.architecture.layers().iter().filter(|layer| layer.kind == LayerKind::Conv) {
+        for layer in self
+            .architecture
+            .layers()
+            .iter()
+            .filter(|layer| layer.kind == LayerKind::Conv)
+        {
             let name = &layer.name;
             for part in ["weight", "bias"] {
                 let name = format!("{name}.{part}");
@@ -27,10 +32,20 @@ impl Network {
                 }
             }
             if layer.bn {
-                let parts = [("scale", 1.0), ("shift", 0.0), ("mean", 0.0), ("variance", IDENTITY_VARIANCE)];
+                let parts = [
+                    ("scale", 1.0),
+                    ("shift", 0.0),
+                    ("mean", 0.0),
+                    ("variance", IDENTITY_VARIANCE),
+                ];
                 for (part, value) in parts {
                     let values = vec![value; layer.out_channels];
-                    set(parameters, &format!("{name}.bn.{part}"), &[layer.out_channels], values)?;
+                    set(
+                        parameters,
+                        &format!("{name}.bn.{part}"),
+                        &[layer.out_channels],
+                        values,
+                    )?;
                 }
             }
         }
@@ -44,7 +59,11 @@ impl Network {
     ///
     /// # Errors
     /// If they are another network's.
-    pub fn import_unfolded(&self, parameters: &mut Parameters, unfolded: &Unfolded) -> Result<(), Error> {
+    pub fn import_unfolded(
+        &self,
+        parameters: &mut Parameters,
+        unfolded: &Unfolded,
+    ) -> Result<(), Error> {
         for (name, tensor) in &unfolded.tensors {
             set(parameters, name, &tensor.shape, tensor.data.clone())?;
         }
@@ -53,7 +72,12 @@ impl Network {
     }
 }
 
-fn set(parameters: &mut Parameters, name: &str, shape: &[usize], values: Vec<f32>) -> Result<(), Error> {
+fn set(
+    parameters: &mut Parameters,
+    name: &str,
+    shape: &[usize],
+    values: Vec<f32>,
+) -> Result<(), Error> {
     let restored = parameters.restore(name, Tensor::new(shape, values));
     restored.map_err(|error| Error::option("--init", "the parameters of this network", error))
 }
@@ -61,7 +85,9 @@ fn set(parameters: &mut Parameters, name: &str, shape: &[usize], values: Vec<f32
 /// Makes the first convolution, which expects `input`, expect what training feeds it.
 fn translate(parameters: &mut Parameters, input: &InputNormalization) {
     let ids = ["backbone.conv1.weight", "backbone.conv1.bias"].map(|name| parameters.find(name));
-    let [Some(weight), Some(bias)] = ids else { return };
+    let [Some(weight), Some(bias)] = ids else {
+        return;
+    };
     let mut values = [weight, bias].map(|id| parameters[id].value.data().to_vec());
     let [w, b] = &mut values;
     input.translate(&INPUT, w, b);

@@ -32,14 +32,25 @@ fn first_value(parameter: &mut Parameter, init: Init, rng: &mut Rng) {
     let shape = parameter.value.shape().to_vec();
     let fan_in = shape.iter().skip(1).product::<usize>() as f32;
     let paper = init == Init::Paper && !name.starts_with("backbone.");
-    let output =
-        ["head.score.", "head.centerness.", "head.offsets."].iter().position(|o| name.starts_with(o));
+    let output = ["head.score.", "head.centerness.", "head.offsets."]
+        .iter()
+        .position(|o| name.starts_with(o));
     let values = parameter.value.data_mut();
-    let mut normal = |deviation: f32| values.iter_mut().for_each(|v| *v = rng.normal() * deviation);
+    let mut normal = |deviation: f32| {
+        values
+            .iter_mut()
+            .for_each(|v| *v = rng.normal() * deviation)
+    };
     if name.starts_with("mi.") {
         // Biases have no fan-in of their own; that of their weights is unknown here, and 0 will do.
-        let reach = if shape.len() == 2 { fan_in.powf(-0.5) } else { 0.0 };
-        values.iter_mut().for_each(|v| *v = rng.range(-reach, reach));
+        let reach = if shape.len() == 2 {
+            fan_in.powf(-0.5)
+        } else {
+            0.0
+        };
+        values
+            .iter_mut()
+            .for_each(|v| *v = rng.range(-reach, reach));
     } else if name.ends_with(".weight") {
         match (paper, output) {
             (true, _) if name.starts_with("head.") => normal(1e-4),

@@ -94,7 +94,15 @@ pub struct LossValues {
 impl LossValues {
     /// Names and values.
     pub fn named(&self) -> [(&'static str, f64); 7] {
-        let LossValues { total, cls, centerness, iou, global, local, identity } = *self;
+        let LossValues {
+            total,
+            cls,
+            centerness,
+            iou,
+            global,
+            local,
+            identity,
+        } = *self;
         [
             ("total", total),
             ("cls", cls),
@@ -141,22 +149,35 @@ impl Losses {
 impl Network {
     /// Runs a batch through the network and its losses. The backbone runs on template, search crop and second template in this
     /// order, each with batch statistics of its own.
-    pub fn losses(&self, tape: &mut Tape, batch: Batch, options: &LossOptions) -> (Prediction, Losses) {
+    pub fn losses(
+        &self,
+        tape: &mut Tape,
+        batch: Batch,
+        options: &LossOptions,
+    ) -> (Prediction, Losses) {
         let pass = &mut Pass::new(tape);
         let crops = pass.constant(batch.template);
         let template = self.template(pass, crops);
         let crops = pass.constant(batch.search);
         let prediction = self.search(pass, crops, &template);
-        let identity = (options.identity != 0.0 && self.architecture.encoder.is_some()).then(|| {
-            let crops = pass.constant(batch.again);
-            let again = self.template_features(pass, crops);
-            let loss = pass.mean_square(template.related, again, &batch.positive);
-            pass.scale(loss, options.identity)
-        });
+        let identity =
+            (options.identity != 0.0 && self.architecture.encoder.is_some()).then(|| {
+                let crops = pass.constant(batch.again);
+                let again = self.template_features(pass, crops);
+                let loss = pass.mean_square(template.related, again, &batch.positive);
+                pass.scale(loss, options.identity)
+            });
         let [global, local] = self.information(pass, &template, options);
 
-        let Targets { labels, quality, boxes } = &batch.targets;
-        let focal = Focal { alpha: options.focal_alpha, gamma: 2.0 };
+        let Targets {
+            labels,
+            quality,
+            boxes,
+        } = &batch.targets;
+        let focal = Focal {
+            alpha: options.focal_alpha,
+            gamma: 2.0,
+        };
         let cls = pass.focal_loss(prediction.score, labels, focal);
         let centerness = pass.quality_loss(prediction.centerness, quality);
         let centerness = pass.scale(centerness, options.centerness);
@@ -169,8 +190,22 @@ impl Network {
         let iou = pass.iou_loss(prediction.offsets, si, bi, labels, boxes, decoder);
         let iou = pass.scale(iou, options.iou);
         let more = [Some(centerness), Some(iou), global, local, identity];
-        let total = more.into_iter().flatten().fold(cls, |sum, loss| pass.add(sum, loss));
-        (prediction, Losses { cls, centerness, iou, global, local, identity, total })
+        let total = more
+            .into_iter()
+            .flatten()
+            .fold(cls, |sum, loss| pass.add(sum, loss));
+        (
+            prediction,
+            Losses {
+                cls,
+                centerness,
+                iou,
+                global,
+                local,
+                identity,
+                total,
+            },
+        )
     }
 
     /// What E2 makes of template crops.
@@ -189,8 +224,15 @@ impl Network {
 
     /// Minus the estimates of the mutual information between the template's features and their encodings, global and local,
     /// weighted.
-    fn information(&self, pass: &mut Pass, template: &Template, options: &LossOptions) -> [Option<Var>; 2] {
-        let Some([global, local]) = self.statistics else { return [None, None] };
+    fn information(
+        &self,
+        pass: &mut Pass,
+        template: &Template,
+        options: &LossOptions,
+    ) -> [Option<Var>; 2] {
+        let Some([global, local]) = self.statistics else {
+            return [None, None];
+        };
         let f = template.features;
         let unrelated = self.unrelated(pass, f);
         let code = pass.concat(&[template.related, unrelated]);
@@ -204,14 +246,20 @@ impl Network {
         let global = (options.global != 0.0).then(|| {
             let code = if full { pass.flatten(code) } else { average };
             let scores = [f, rolled].map(|f| {
-                let f = if full { pass.flatten(f) } else { pass.global_average(f) };
+                let f = if full {
+                    pass.flatten(f)
+                } else {
+                    pass.global_average(f)
+                };
                 let input = pass.concat(&[f, code]);
                 global.forward(pass, input)
             });
             weighted(pass, scores, options.global)
         });
         let local = (options.local != 0.0).then(|| {
-            let [_, h, w, _] = pass.shape(f)[..] else { unreachable!("features are maps") };
+            let [_, h, w, _] = pass.shape(f)[..] else {
+                unreachable!("features are maps")
+            };
             let tiled = pass.tile(average, kernels::Size { h, w });
             let scores = [f, rolled].map(|f| {
                 let input = pass.concat(&[f, tiled]);

@@ -40,7 +40,11 @@ pub enum StatisticsNets {
 
 impl StatisticsNets {
     fn hidden(self) -> usize {
-        if self == StatisticsNets::Full { 512 } else { 256 }
+        if self == StatisticsNets::Full {
+            512
+        } else {
+            256
+        }
     }
 }
 
@@ -97,23 +101,41 @@ impl Network {
         if statistics_nets != StatisticsNets::None {
             let encoders: Vec<_> = encoder_layers(&layers).collect();
             let (Some(first), Some(last)) = (encoders.first(), encoders.last()) else {
-                return Err(Error::option("--no-mi", "set, for a network without an encoder", "not set"));
+                return Err(Error::option(
+                    "--no-mi",
+                    "set, for a network without an encoder",
+                    "not set",
+                ));
             };
             for (i, layer) in encoders.iter().enumerate() {
-                let twin = Layer { name: format!("dr.e1.{i}"), ..Layer::clone(layer) };
+                let twin = Layer {
+                    name: format!("dr.e1.{i}"),
+                    ..Layer::clone(layer)
+                };
                 unrelated.push(Block::new(parameters, &twin));
             }
             let (features, encoded) = (first.in_channels, 2 * last.out_channels);
             let positions = first.out_template * first.out_template;
-            let global =
-                (features + encoded) * if statistics_nets == StatisticsNets::Full { positions } else { 1 };
+            let global = (features + encoded)
+                * if statistics_nets == StatisticsNets::Full {
+                    positions
+                } else {
+                    1
+                };
             let hidden = statistics_nets.hidden();
             statistics = Some([
                 Statistics::new(parameters, "mi.global", global, hidden),
                 Statistics::new(parameters, "mi.local", features + encoded, hidden),
             ]);
         }
-        Ok(Network { architecture, statistics_nets, blocks, scalars, unrelated, statistics })
+        Ok(Network {
+            architecture,
+            statistics_nets,
+            blocks,
+            scalars,
+            unrelated,
+            statistics,
+        })
     }
 
     /// Widths, encoder and crop sizes.
@@ -149,7 +171,11 @@ impl Network {
     fn encode(&self, pass: &mut Pass, branch: &str, position: EncoderPosition, mut x: Var) -> Var {
         if let Some(encoder) = self.architecture.encoder.filter(|e| e.position == position) {
             for i in 0..encoder.layers {
-                let name = if encoder.shared { format!("dr.e2.{i}") } else { format!("dr.e2_{branch}.{i}") };
+                let name = if encoder.shared {
+                    format!("dr.e2.{i}")
+                } else {
+                    format!("dr.e2_{branch}.{i}")
+                };
                 x = self.run(pass, &name, x);
             }
         }
@@ -159,8 +185,12 @@ impl Network {
     fn template(&self, pass: &mut Pass, crops: Var) -> Template {
         let features = self.backbone(pass, crops);
         let encoded = self.encode(pass, "template", EncoderPosition::BeforeNeck, features);
-        let [cls, reg] = ["neck.template_cls", "neck.template_reg"].map(|name| self.run(pass, name, encoded));
-        let after = self.architecture.encoder.is_some_and(|e| e.position == EncoderPosition::AfterNeck);
+        let [cls, reg] =
+            ["neck.template_cls", "neck.template_reg"].map(|name| self.run(pass, name, encoded));
+        let after = self
+            .architecture
+            .encoder
+            .is_some_and(|e| e.position == EncoderPosition::AfterNeck);
         let (features, [cls, reg]) = match after {
             false => (features, [cls, reg]),
             true => {
@@ -168,18 +198,26 @@ impl Network {
                 (cls, [cls, reg].map(encode))
             }
         };
-        Template { features, related: if after { cls } else { encoded }, cls, reg }
+        Template {
+            features,
+            related: if after { cls } else { encoded },
+            cls,
+            reg,
+        }
     }
 
     fn search(&self, pass: &mut Pass, crops: Var, template: &Template) -> Prediction {
         let features = self.backbone(pass, crops);
         let encoded = self.encode(pass, "search", EncoderPosition::BeforeNeck, features);
-        let [mut cls, mut reg] =
-            [("neck.search_cls", template.cls), ("neck.search_reg", template.reg)].map(|(name, kernel)| {
-                let x = self.run(pass, name, encoded);
-                let x = self.encode(pass, "search", EncoderPosition::AfterNeck, x);
-                pass.xcorr(x, kernel)
-            });
+        let [mut cls, mut reg] = [
+            ("neck.search_cls", template.cls),
+            ("neck.search_reg", template.reg),
+        ]
+        .map(|(name, kernel)| {
+            let x = self.run(pass, name, encoded);
+            let x = self.encode(pass, "search", EncoderPosition::AfterNeck, x);
+            pass.xcorr(x, kernel)
+        });
         for i in 1..=3 {
             cls = self.run(pass, &format!("head.cls{i}"), cls);
             reg = self.run(pass, &format!("head.reg{i}"), reg);
@@ -193,11 +231,14 @@ impl Network {
 
     /// What the identity-unrelated encoder E1 makes of the template's features, if the network has it.
     fn unrelated(&self, pass: &mut Pass, features: Var) -> Var {
-        self.unrelated.iter().enumerate().fold(features, |x, (i, block)| {
-            let (convolved, output) = block.forward(pass, x);
-            pass.remember(&format!("dr.e1.{i}"), convolved, output);
-            output
-        })
+        self.unrelated
+            .iter()
+            .enumerate()
+            .fold(features, |x, (i, block)| {
+                let (convolved, output) = block.forward(pass, x);
+                pass.remember(&format!("dr.e1.{i}"), convolved, output);
+                output
+            })
     }
 
     /// Template and search crops to predictions, as the losses see them; for their side effect on batch statistics.
@@ -223,7 +264,7 @@ impl Network {
 
 /// The template branch's encoder layers.
 fn encoder_layers(layers: &[Layer]) -> impl Iterator<Item = &Layer> {
-    layers
-        .iter()
-        .filter(|layer| layer.name.starts_with("dr.e2.") || layer.name.starts_with("dr.e2_template."))
+    layers.iter().filter(|layer| {
+        layer.name.starts_with("dr.e2.") || layer.name.starts_with("dr.e2_template.")
+    })
 }

@@ -23,12 +23,19 @@ pub struct Made {
 impl<'t, 'p> Pass<'t, 'p> {
     /// A pass that begins.
     pub fn new(tape: &'t mut Tape<'p>) -> Pass<'t, 'p> {
-        Pass { tape, made: Vec::new() }
+        Pass {
+            tape,
+            made: Vec::new(),
+        }
     }
 
     /// Remembers what a layer made.
     pub(super) fn remember(&mut self, layer: &str, convolved: Var, output: Var) {
-        self.made.push(Made { layer: layer.into(), convolved, output });
+        self.made.push(Made {
+            layer: layer.into(),
+            convolved,
+            output,
+        });
     }
 
     /// What every layer made, in the order of execution.

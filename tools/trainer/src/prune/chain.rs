@@ -21,22 +21,36 @@ pub struct Group {
 pub fn groups(architecture: &Architecture) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     let after = position(architecture) == Some(EncoderPosition::AfterNeck);
-    for layer in architecture.layers().into_iter().filter(|layer| layer.kind == LayerKind::Conv) {
+    for layer in architecture
+        .layers()
+        .into_iter()
+        .filter(|layer| layer.kind == LayerKind::Conv)
+    {
         let name = match layer.name.as_str() {
             "head.score" | "head.centerness" | "head.offsets" => continue,
             name if name.starts_with("neck.") && after => "neck".to_owned(),
             "neck.template_cls" | "neck.search_cls" => "neck.cls".to_owned(),
             "neck.template_reg" | "neck.search_reg" => "neck.reg".to_owned(),
-            name => name.replace("dr.e2_template", "dr.e2").replace("dr.e2_search", "dr.e2"),
+            name => name
+                .replace("dr.e2_template", "dr.e2")
+                .replace("dr.e2_search", "dr.e2"),
         };
         match groups.iter_mut().find(|group| group.name == name) {
             Some(group) => group.layers.push(layer.name),
-            None => groups.push(Group { name, layers: vec![layer.name], width: layer.out_channels }),
+            None => groups.push(Group {
+                name,
+                layers: vec![layer.name],
+                width: layer.out_channels,
+            }),
         }
     }
     if let Some(Encoder { layers, width, .. }) = architecture.encoder {
         let unrelated = (0..layers).map(|i| format!("dr.e1.{i}"));
-        groups.extend(unrelated.map(|name| Group { name: name.clone(), layers: vec![name], width }));
+        groups.extend(unrelated.map(|name| Group {
+            name: name.clone(),
+            layers: vec![name],
+            width,
+        }));
     }
     groups
 }
@@ -46,7 +60,11 @@ pub fn input(architecture: &Architecture, layer: &str) -> Option<String> {
     let (part, name) = layer.split_once('.')?;
     let last_encoder = |branch: &str| {
         let encoder = architecture.encoder?;
-        let e2 = if encoder.shared { "dr.e2".to_owned() } else { format!("dr.e2_{branch}") };
+        let e2 = if encoder.shared {
+            "dr.e2".to_owned()
+        } else {
+            format!("dr.e2_{branch}")
+        };
         Some(format!("{e2}.{}", encoder.layers - 1))
     };
     let before = position(architecture) == Some(EncoderPosition::BeforeNeck);
@@ -83,7 +101,11 @@ pub fn input(architecture: &Architecture, layer: &str) -> Option<String> {
 /// The layers whose outputs a statistics network sees, in the order of its inputs: features, related, unrelated.
 pub fn statistics_inputs(architecture: &Architecture) -> Option<[String; 3]> {
     let encoder = architecture.encoder?;
-    let e2 = if encoder.shared { "dr.e2" } else { "dr.e2_template" };
+    let e2 = if encoder.shared {
+        "dr.e2"
+    } else {
+        "dr.e2_template"
+    };
     let features = input(architecture, &format!("{e2}.0"))?;
     let last = encoder.layers - 1;
     Some([features, format!("{e2}.{last}"), format!("dr.e1.{last}")])
@@ -109,13 +131,33 @@ mod tests {
             head_cls: [9, 10, 11],
             head_reg: [12, 13, 14],
         };
-        let even = Widths { neck_reg: 7, ..uneven };
-        let encoder = Encoder { layers: 2, shared: false, ..Encoder::standard(15) };
+        let even = Widths {
+            neck_reg: 7,
+            ..uneven
+        };
+        let encoder = Encoder {
+            layers: 2,
+            shared: false,
+            ..Encoder::standard(15)
+        };
         for architecture in [
             Architecture::new(uneven, None),
             Architecture::new(uneven, Some(encoder)),
-            Architecture::new(uneven, Some(Encoder { shared: true, layers: 1, ..encoder })),
-            Architecture::new(even, Some(Encoder { position: EncoderPosition::AfterNeck, ..encoder })),
+            Architecture::new(
+                uneven,
+                Some(Encoder {
+                    shared: true,
+                    layers: 1,
+                    ..encoder
+                }),
+            ),
+            Architecture::new(
+                even,
+                Some(Encoder {
+                    position: EncoderPosition::AfterNeck,
+                    ..encoder
+                }),
+            ),
         ] {
             let layers = architecture.layers();
             let outputs = |name: &str| layers.iter().find(|l| l.name == name).unwrap().out_channels;
@@ -130,10 +172,28 @@ mod tests {
     fn groups_of_the_standard_network() {
         let found = groups(&standard(0.5));
         let names: Vec<_> = found.iter().map(|group| &group.name[..]).collect();
-        let head = ["head.cls1", "head.cls2", "head.cls3", "head.reg1", "head.reg2", "head.reg3"];
-        let backbone =
-            ["backbone.conv1", "backbone.conv2", "backbone.conv3", "backbone.conv4", "backbone.conv5"];
-        let expected = [&backbone[..], &["dr.e2.0", "neck.cls", "neck.reg"], &head, &["dr.e1.0"]].concat();
+        let head = [
+            "head.cls1",
+            "head.cls2",
+            "head.cls3",
+            "head.reg1",
+            "head.reg2",
+            "head.reg3",
+        ];
+        let backbone = [
+            "backbone.conv1",
+            "backbone.conv2",
+            "backbone.conv3",
+            "backbone.conv4",
+            "backbone.conv5",
+        ];
+        let expected = [
+            &backbone[..],
+            &["dr.e2.0", "neck.cls", "neck.reg"],
+            &head,
+            &["dr.e1.0"],
+        ]
+        .concat();
         assert_eq!(names, expected);
         assert_eq!(found[6].layers, ["neck.template_cls", "neck.search_cls"]);
     }

@@ -51,7 +51,10 @@ pub struct Keep {
 impl Targets {
     /// One ratio for all layers.
     pub fn ratio(ratio: f64) -> Targets {
-        Targets { rule: Rule::Ratio(ratio), layers: BTreeMap::new() }
+        Targets {
+            rule: Rule::Ratio(ratio),
+            layers: BTreeMap::new(),
+        }
     }
 
     fn of(&self, group: &str) -> Rule {
@@ -71,15 +74,25 @@ pub fn choose(
     norms: &BTreeMap<String, Vec<f64>>,
     targets: &Targets,
 ) -> Result<Keep, Error> {
-    if let Some(name) = targets.layers.keys().find(|name| !LAYERS.contains(&name.as_str())) {
-        return Err(Error::option("--layer-ratio", format!("one of {}", LAYERS.join(", ")), name));
+    if let Some(name) = targets
+        .layers
+        .keys()
+        .find(|name| !LAYERS.contains(&name.as_str()))
+    {
+        return Err(Error::option(
+            "--layer-ratio",
+            format!("one of {}", LAYERS.join(", ")),
+            name,
+        ));
     }
     let mut kept: Vec<(Group, Vec<usize>)> = Vec::new();
     for group in groups(architecture) {
         let sum = |of: &dyn Fn(&str) -> Option<Vec<f64>>| {
             let mut sum = vec![0.0; group.width];
             for values in group.layers.iter().filter_map(|layer| of(layer)) {
-                sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+                sum.iter_mut()
+                    .zip(values)
+                    .for_each(|(sum, value)| *sum += value);
             }
             sum
         };
@@ -89,14 +102,20 @@ pub fn choose(
         let (wanted, indices) = match (index(&group.name), targets.of(&group.name)) {
             (Some(at), Rule::Ratio(ratio)) => by_rank(Widths::pruned(ratio).all()[at]),
             (Some(_), Rule::Rank(least)) => {
-                let decisive = group.layers.last().and_then(|layer| ranks.of(layer)).unwrap_or(&rank);
+                let decisive = group
+                    .layers
+                    .last()
+                    .and_then(|layer| ranks.of(layer))
+                    .unwrap_or(&rank);
                 let indices: Vec<_> = (0..group.width).filter(|&i| decisive[i] >= least).collect();
                 (indices.len(), indices)
             }
             // An encoder stays to its features as it was.
             (None, _) => {
                 let features = architecture.widths.backbone[4];
-                let left = kept.iter().find(|(group, _)| group.name == "backbone.conv5");
+                let left = kept
+                    .iter()
+                    .find(|(group, _)| group.name == "backbone.conv5");
                 let left = left.map_or(features, |(_, indices)| indices.len());
                 by_rank((group.width * left / features).max(1))
             }
@@ -119,7 +138,12 @@ fn index(group: &str) -> Option<usize> {
 /// Indices of the `count` highest, ascending.
 fn highest(ranks: &[f64], norms: &[f64], count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..ranks.len()).collect();
-    order.sort_by(|&a, &b| ranks[b].total_cmp(&ranks[a]).then(norms[b].total_cmp(&norms[a])).then(a.cmp(&b)));
+    order.sort_by(|&a, &b| {
+        ranks[b]
+            .total_cmp(&ranks[a])
+            .then(norms[b].total_cmp(&norms[a]))
+            .then(a.cmp(&b))
+    });
     order.truncate(count);
     order.sort_unstable();
     order
@@ -128,7 +152,10 @@ fn highest(ranks: &[f64], norms: &[f64], count: usize) -> Vec<usize> {
 impl Keep {
     /// What stays of a layer, indices ascending; `None` for layers of which everything stays.
     pub fn of(&self, layer: &str) -> Option<&[usize]> {
-        let group = self.groups.iter().find(|(group, _)| group.layers.iter().any(|name| name == layer));
+        let group = self
+            .groups
+            .iter()
+            .find(|(group, _)| group.layers.iter().any(|name| name == layer));
         group.map(|(_, kept)| &kept[..])
     }
 
@@ -143,10 +170,21 @@ impl Keep {
             head_reg: [1, 2, 3].map(|i| width(&format!("head.reg{i}"))),
         };
         let encoder = of.encoder.map(|encoder| {
-            let layer = if encoder.shared { "dr.e2.0" } else { "dr.e2_search.0" };
-            Encoder { width: width(layer), ..encoder }
+            let layer = if encoder.shared {
+                "dr.e2.0"
+            } else {
+                "dr.e2_search.0"
+            };
+            Encoder {
+                width: width(layer),
+                ..encoder
+            }
         });
-        Architecture { widths, encoder, ..*of }
+        Architecture {
+            widths,
+            encoder,
+            ..*of
+        }
     }
 
     /// A row per group that has ranks.
@@ -169,7 +207,11 @@ impl Keep {
                 ranks: [mean(true), mean(false)],
             }
         };
-        self.groups.iter().map(row).filter(|row| row.ranks != [None, None]).collect()
+        self.groups
+            .iter()
+            .map(row)
+            .filter(|row| row.ranks != [None, None])
+            .collect()
     }
 }
 

@@ -54,10 +54,26 @@ pub fn prune(source: &Fit, ranks: &Ranks, targets: &Targets) -> Result<Pruned, E
     let norms = norms(source)?;
     let keep = choose(&architecture, ranks, &norms, targets)?;
     let smaller = keep.architecture(&architecture);
-    let Position { options, data, data_options, .. } = source.position().clone();
-    let mut position = Position::start(FitOptions { architecture: smaller, ..options }, data, data_options);
+    let Position {
+        options,
+        data,
+        data_options,
+        ..
+    } = source.position().clone();
+    let mut position = Position::start(
+        FitOptions {
+            architecture: smaller,
+            ..options
+        },
+        data,
+        data_options,
+    );
     position.history = source.history();
-    position.history.push(format!("pruned by rank over {} pairs to {}", ranks.pairs, widths(&smaller)));
+    position.history.push(format!(
+        "pruned by rank over {} pairs to {}",
+        ranks.pairs,
+        widths(&smaller)
+    ));
     let parameters = slice::slice(source, &smaller, &keep)?;
     let fit = Fit::with_parameters(position, parameters)?;
     let rows = keep.rows(ranks);
@@ -74,9 +90,19 @@ fn widths(architecture: &weights_format::Architecture) -> String {
 impl fmt::Display for Pruned {
     /// A line per layer.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<18}{:>6}{:>6}{:>14}{:>14}", "layer", "kept", "of", "rank, kept", "rank, gone")?;
+        writeln!(
+            f,
+            "{:<18}{:>6}{:>6}{:>14}{:>14}",
+            "layer", "kept", "of", "rank, kept", "rank, gone"
+        )?;
         let number = |rank: Option<f64>| rank.map_or("-".into(), |rank| format!("{rank:.3}"));
-        for Row { layer, of, kept, ranks } in &self.rows {
+        for Row {
+            layer,
+            of,
+            kept,
+            ranks,
+        } in &self.rows
+        {
             let [high, low] = ranks.map(number);
             writeln!(f, "{layer:<18}{kept:>6}{of:>6}{high:>14}{low:>14}")?;
         }

@@ -35,16 +35,24 @@ impl Ranks {
     ///
     /// # Errors
     /// If a feature map is not finite, or the threads cannot be started.
-    pub fn measure(fit: &Fit, dataset: &Dataset, pairs: usize, threads: usize) -> Result<Ranks, Error> {
+    pub fn measure(
+        fit: &Fit,
+        dataset: &Dataset,
+        pairs: usize,
+        threads: usize,
+    ) -> Result<Ranks, Error> {
         let compute = compute(threads)?;
         let architecture = *fit.network().architecture();
         let mut parameters = fit.deployed();
-        parameters.iter_mut().for_each(|parameter| parameter.frozen = true);
+        parameters
+            .iter_mut()
+            .for_each(|parameter| parameter.frozen = true);
         let mut sums: BTreeMap<String, Sum> = BTreeMap::new();
         for start in (0..pairs).step_by(BATCH) {
             let numbers = start..pairs.min(start + BATCH);
-            let samples: Vec<_> =
-                numbers.map(|i| dataset.sample(FIRST + i as u64, architecture.search_size)).collect();
+            let samples: Vec<_> = numbers
+                .map(|i| dataset.sample(FIRST + i as u64, architecture.search_size))
+                .collect();
             let (template, search) = crops_of(&samples, &architecture);
             let mut tape = Tape::new(&compute, &mut parameters, Mode::Evaluation);
             for made in fit.network().observe(&mut tape, template, search) {
@@ -86,12 +94,18 @@ struct Sum {
 impl Sum {
     /// Adds the ranks of maps `[batch, H, W, C]`.
     fn add(&mut self, maps: &Tensor, threads: usize) {
-        let [batch, h, w, channels] = maps.shape()[..] else { return };
+        let [batch, h, w, channels] = maps.shape()[..] else {
+            return;
+        };
         self.ranks.resize(channels, Some(0));
         self.maps += batch;
         let rank = |image: usize, channel: usize| {
             let pixels = &maps.data()[image * h * w * channels..][..h * w * channels];
-            let map: Vec<f32> = pixels[channel..].iter().step_by(channels).copied().collect();
+            let map: Vec<f32> = pixels[channel..]
+                .iter()
+                .step_by(channels)
+                .copied()
+                .collect();
             Matrix::new(&map, h, w).rank()
         };
         let part = channels.div_ceil(threads.max(1)).max(1);
@@ -100,8 +114,9 @@ impl Sum {
                 scope.spawn(move || {
                     for (i, sum) in sums.iter_mut().enumerate() {
                         for image in 0..batch {
-                            *sum =
-                                sum.zip(rank(image, start * part + i)).map(|(sum, rank)| sum + rank as u64);
+                            *sum = sum
+                                .zip(rank(image, start * part + i))
+                                .map(|(sum, rank)| sum + rank as u64);
                         }
                     }
                 });
@@ -110,7 +125,10 @@ impl Sum {
     }
 
     fn mean(&self) -> Option<Vec<f64>> {
-        self.ranks.iter().map(|sum| Some((*sum)? as f64 / self.maps.max(1) as f64)).collect()
+        self.ranks
+            .iter()
+            .map(|sum| Some((*sum)? as f64 / self.maps.max(1) as f64))
+            .collect()
     }
 }
 
@@ -124,7 +142,14 @@ pub fn norms(fit: &Fit) -> Result<BTreeMap<String, Vec<f64>>, Error> {
         let layer = name.strip_suffix(".weight")?;
         let per_filter = tensor.data.len() / tensor.shape[0].max(1);
         let norm = |filter: &[f32]| filter.iter().map(|v| f64::from(v.abs())).sum();
-        Some((layer.to_owned(), tensor.data.chunks_exact(per_filter.max(1)).map(norm).collect()))
+        Some((
+            layer.to_owned(),
+            tensor
+                .data
+                .chunks_exact(per_filter.max(1))
+                .map(norm)
+                .collect(),
+        ))
     });
     Ok(norms.collect())
 }

@@ -12,7 +12,11 @@ use weights_format::{Architecture, LayerKind};
 ///
 /// # Errors
 /// If the smaller network cannot be built.
-pub fn slice(source: &Fit, smaller: &Architecture, keep: &Keep) -> Result<Vec<(String, Tensor)>, Error> {
+pub fn slice(
+    source: &Fit,
+    smaller: &Architecture,
+    keep: &Keep,
+) -> Result<Vec<(String, Tensor)>, Error> {
     let nets = source.network().statistics_nets();
     let larger = source.network().architecture();
     let mut left = Parameters::new();
@@ -22,14 +26,21 @@ pub fn slice(source: &Fit, smaller: &Architecture, keep: &Keep) -> Result<Vec<(S
     for parameter in left.iter() {
         let name = parameter.name();
         let Some(id) = deployed.find(name) else {
-            return Err(Error::option("parameters", format!("a tensor {name:?}"), "none"));
+            return Err(Error::option(
+                "parameters",
+                format!("a tensor {name:?}"),
+                "none",
+            ));
         };
         let value = &deployed[id].value;
         let value = match owner(name) {
             Owner::Nothing => value.clone(),
             Owner::Layer(layer) => {
-                let outputs = keep.of(layer).map_or(value.clone(), |kept| take(value, 0, kept));
-                let feeding = input(larger, layer).and_then(|layer| keep.of(&layer).map(<[usize]>::to_vec));
+                let outputs = keep
+                    .of(layer)
+                    .map_or(value.clone(), |kept| take(value, 0, kept));
+                let feeding =
+                    input(larger, layer).and_then(|layer| keep.of(&layer).map(<[usize]>::to_vec));
                 match feeding {
                     Some(kept) if name.ends_with(".weight") && value.shape().len() == 4 => {
                         take(&outputs, 3, &kept)
@@ -38,7 +49,11 @@ pub fn slice(source: &Fit, smaller: &Architecture, keep: &Keep) -> Result<Vec<(S
                 }
             }
             Owner::Statistics { global } => {
-                let positions = if global && nets == StatisticsNets::Full { positions(larger) } else { 1 };
+                let positions = if global && nets == StatisticsNets::Full {
+                    positions(larger)
+                } else {
+                    1
+                };
                 take(value, 1, &statistics_inputs_kept(larger, keep, positions))
             }
         };
@@ -65,7 +80,14 @@ fn owner(name: &str) -> Owner<'_> {
         _ if name.starts_with("mi.") => return Owner::Nothing,
         _ => {}
     }
-    let parts = [".bn.scale", ".bn.shift", ".bn.mean", ".bn.variance", ".weight", ".bias"];
+    let parts = [
+        ".bn.scale",
+        ".bn.shift",
+        ".bn.mean",
+        ".bn.variance",
+        ".weight",
+        ".bias",
+    ];
     match parts.iter().find_map(|part| name.strip_suffix(part)) {
         Some(layer) => Owner::Layer(layer),
         None => Owner::Nothing,
@@ -76,14 +98,22 @@ fn owner(name: &str) -> Owner<'_> {
 fn positions(architecture: &Architecture) -> usize {
     let encoder = |name: &str| name.starts_with("dr.e2.") || name.starts_with("dr.e2_template.");
     let layers = architecture.layers();
-    let first = layers.iter().find(|layer| layer.kind == LayerKind::Conv && encoder(&layer.name));
+    let first = layers
+        .iter()
+        .find(|layer| layer.kind == LayerKind::Conv && encoder(&layer.name));
     first.map_or(1, |layer| layer.out_template.pow(2))
 }
 
 /// Inputs of a statistics network that stay: features, then the related and unrelated codes together, each flattened
 /// channel by channel.
-fn statistics_inputs_kept(architecture: &Architecture, keep: &Keep, positions: usize) -> Vec<usize> {
-    let Some(layers) = statistics_inputs(architecture) else { return Vec::new() };
+fn statistics_inputs_kept(
+    architecture: &Architecture,
+    keep: &Keep,
+    positions: usize,
+) -> Vec<usize> {
+    let Some(layers) = statistics_inputs(architecture) else {
+        return Vec::new();
+    };
     let encoded = architecture.encoder.map_or(0, |encoder| encoder.width);
     let features = architecture
         .layers()
@@ -91,11 +121,15 @@ fn statistics_inputs_kept(architecture: &Architecture, keep: &Keep, positions: u
         .find(|layer| layer.name == layers[0])
         .map_or(0, |layer| layer.out_channels);
     let starts = [0, features, features + encoded];
-    let channels = layers
-        .iter()
-        .zip(starts)
-        .flat_map(|(layer, start)| keep.of(layer).into_iter().flatten().map(move |channel| start + channel));
-    channels.flat_map(|channel| (0..positions).map(move |at| channel * positions + at)).collect()
+    let channels = layers.iter().zip(starts).flat_map(|(layer, start)| {
+        keep.of(layer)
+            .into_iter()
+            .flatten()
+            .map(move |channel| start + channel)
+    });
+    channels
+        .flat_map(|channel| (0..positions).map(move |at| channel * positions + at))
+        .collect()
 }
 
 /// A tensor with only those indices along one of its extents.
@@ -121,9 +155,18 @@ mod tests {
     #[test]
     fn takes_along_any_extent() {
         let tensor = Tensor::new(&[2, 3, 2], (0..12).map(|v| v as f32).collect());
-        assert_eq!(take(&tensor, 0, &[1]).data(), [6.0, 7.0, 8.0, 9.0, 10.0, 11.0]);
-        assert_eq!(take(&tensor, 1, &[0, 2]).data(), [0.0, 1.0, 4.0, 5.0, 6.0, 7.0, 10.0, 11.0]);
+        assert_eq!(
+            take(&tensor, 0, &[1]).data(),
+            [6.0, 7.0, 8.0, 9.0, 10.0, 11.0]
+        );
+        assert_eq!(
+            take(&tensor, 1, &[0, 2]).data(),
+            [0.0, 1.0, 4.0, 5.0, 6.0, 7.0, 10.0, 11.0]
+        );
         let last = take(&tensor, 2, &[1]);
-        assert_eq!((last.shape(), last.data()), (&[2, 3, 1][..], &[1.0, 3.0, 5.0, 7.0, 9.0, 11.0][..]));
+        assert_eq!(
+            (last.shape(), last.data()),
+            (&[2, 3, 1][..], &[1.0, 3.0, 5.0, 7.0, 9.0, 11.0][..])
+        );
     }
 }

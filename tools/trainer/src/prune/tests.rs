@@ -32,18 +32,30 @@ const REFERENCE: [(&str, &str); 15] = [
 
 #[test]
 fn p_siamfcpp_from_its_published_ranks() {
-    let Some(path) = shared("golden/psiamfcpp_ranks.json") else { return };
+    let Some(path) = shared("golden/psiamfcpp_ranks.json") else {
+        return;
+    };
     let file: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
     let numbers = |name: &str| -> Vec<f64> {
-        file["ranks"][name].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+        file["ranks"][name]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|v| v.as_f64().unwrap())
+            .collect()
     };
-    let ranks = REFERENCE.iter().map(|(theirs, ours)| (ours.to_string(), numbers(theirs)));
+    let ranks = REFERENCE
+        .iter()
+        .map(|(theirs, ours)| (ours.to_string(), numbers(theirs)));
     let ranks = Ranks::new(500, ranks.collect());
     let rules = REFERENCE.iter().filter_map(|(theirs, ours)| {
         let threshold = file["thresholds_P-SiamFC++"][theirs].as_f64()?;
         Some((ours.replace("search_", ""), Rule::Rank(threshold)))
     });
-    let targets = Targets { rule: Rule::Ratio(0.0), layers: rules.collect() };
+    let targets = Targets {
+        rule: Rule::Ratio(0.0),
+        layers: rules.collect(),
+    };
     assert_eq!(targets.layers.len(), 13);
     let full = Architecture::new(Widths::FULL, None);
     let keep = choose(&full, &ranks, &BTreeMap::new(), &targets).unwrap();
@@ -72,13 +84,24 @@ fn p_siamfcpp_from_its_published_ranks() {
     ] {
         let targets = Targets::ratio(f64::from(tenths) / 10.0);
         let keep = choose(&full, &ranks, &BTreeMap::new(), &targets).unwrap();
-        assert_eq!(keep.architecture(&full).parameters(), total, "ratio 0.{tenths}");
+        assert_eq!(
+            keep.architecture(&full).parameters(),
+            total,
+            "ratio 0.{tenths}"
+        );
         assert_eq!(keep.of("neck.template_cls"), keep.of("neck.search_cls"));
         // Nothing that goes has a higher rank than what stays.
-        let (conv4, kept) = (ranks.of("backbone.conv4").unwrap(), keep.of("backbone.conv4").unwrap());
+        let (conv4, kept) = (
+            ranks.of("backbone.conv4").unwrap(),
+            keep.of("backbone.conv4").unwrap(),
+        );
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         for (i, rank) in conv4.iter().enumerate() {
-            if kept.contains(&i) { least = least.min(*rank) } else { most = most.max(*rank) }
+            if kept.contains(&i) {
+                least = least.min(*rank)
+            } else {
+                most = most.max(*rank)
+            }
         }
         assert!(least >= most, "{least} {most}");
     }
@@ -86,23 +109,41 @@ fn p_siamfcpp_from_its_published_ranks() {
 
 fn tiny(encoder: Option<Encoder>, nets: StatisticsNets) -> Fit {
     let widths = Widths::uniform([6, 8, 10, 10, 8], 8);
-    let architecture = Architecture { search_size: 191, ..Architecture::new(widths, encoder) };
-    let options = FitOptions { architecture, early_size: 191, statistics_nets: nets, ..FitOptions::cpu() };
+    let architecture = Architecture {
+        search_size: 191,
+        ..Architecture::new(widths, encoder)
+    };
+    let options = FitOptions {
+        architecture,
+        early_size: 191,
+        statistics_nets: nets,
+        ..FitOptions::cpu()
+    };
     let mut fit = Fit::start(options, vec!["scenes".into()], DataOptions::default()).unwrap();
     // Statistics, scales and shifts as different as those of a trained network.
-    let values: Vec<_> = fit.parameters().state().map(|(n, t)| (n.to_owned(), t.clone())).collect();
+    let values: Vec<_> = fit
+        .parameters()
+        .state()
+        .map(|(n, t)| (n.to_owned(), t.clone()))
+        .collect();
     let position = fit.position().clone();
-    let changed = values.into_iter().enumerate().map(|(i, (name, mut value))| {
-        let mut rng = Rng::new(3, 4, i as u64);
-        let (low, high) = match name.rsplit('.').next().unwrap() {
-            "scale" => (0.6, 1.4),
-            "shift" | "mean" | "bias" => (-0.3, 0.3),
-            "variance" => (0.5, 2.0),
-            _ => return (name, value),
-        };
-        value.data_mut().iter_mut().for_each(|v| *v = rng.range(low, high));
-        (name, value)
-    });
+    let changed = values
+        .into_iter()
+        .enumerate()
+        .map(|(i, (name, mut value))| {
+            let mut rng = Rng::new(3, 4, i as u64);
+            let (low, high) = match name.rsplit('.').next().unwrap() {
+                "scale" => (0.6, 1.4),
+                "shift" | "mean" | "bias" => (-0.3, 0.3),
+                "variance" => (0.5, 2.0),
+                _ => return (name, value),
+            };
+            value
+                .data_mut()
+                .iter_mut()
+                .for_each(|v| *v = rng.range(low, high));
+            (name, value)
+        });
     fit = Fit::with_parameters(position, changed.collect::<Vec<_>>()).unwrap();
     fit
 }
@@ -110,8 +151,12 @@ fn tiny(encoder: Option<Encoder>, nets: StatisticsNets) -> Fit {
 fn outputs(fit: &Fit) -> [Vec<f32>; 3] {
     let compute = compute(1).unwrap();
     let mut rng = Rng::new(5, 6, 7);
-    let mut crops =
-        |side: usize| Tensor::new(&[1, side, side, 3], (0..side * side * 3).map(|_| rng.normal()).collect());
+    let mut crops = |side: usize| {
+        Tensor::new(
+            &[1, side, side, 3],
+            (0..side * side * 3).map(|_| rng.normal()).collect(),
+        )
+    };
     let (template, search) = (crops(127), crops(fit.network().architecture().search_size));
     let mut parameters = fit.deployed();
     let mut tape = Tape::new(&compute, &mut parameters, Mode::Evaluation);
@@ -122,32 +167,65 @@ fn outputs(fit: &Fit) -> [Vec<f32>; 3] {
 /// Targets that leave each layer as many filters.
 fn counts(of: &Fit, count: impl Fn(usize) -> usize) -> Targets {
     // A ratio that leaves exactly so many of the unpruned network's.
-    let all = of.network().architecture().widths.all().into_iter().zip(Widths::FULL.all());
-    let rules = all
-        .zip(LAYERS)
-        .map(|((now, full), layer)| (layer.to_owned(), Rule::Ratio(1.0 - count(now) as f64 / full as f64)));
-    Targets { rule: Rule::Ratio(0.0), layers: rules.collect() }
+    let all = of
+        .network()
+        .architecture()
+        .widths
+        .all()
+        .into_iter()
+        .zip(Widths::FULL.all());
+    let rules = all.zip(LAYERS).map(|((now, full), layer)| {
+        (
+            layer.to_owned(),
+            Rule::Ratio(1.0 - count(now) as f64 / full as f64),
+        )
+    });
+    Targets {
+        rule: Rule::Ratio(0.0),
+        layers: rules.collect(),
+    }
 }
 
 fn ranks_of(fit: &Fit) -> Ranks {
     let folder = Folder::new("ranks");
-    let dataset = Dataset::open(&[pictures(&folder).parse().unwrap()], DataOptions::default()).unwrap();
+    let dataset = Dataset::open(
+        &[pictures(&folder).parse().unwrap()],
+        DataOptions::default(),
+    )
+    .unwrap();
     Ranks::measure(fit, &dataset, 3, 2).unwrap()
 }
 
 #[test]
 fn nothing_pruned_changes_nothing() {
-    let after = Encoder { position: EncoderPosition::AfterNeck, shared: false, ..Encoder::standard(8) };
+    let after = Encoder {
+        position: EncoderPosition::AfterNeck,
+        shared: false,
+        ..Encoder::standard(8)
+    };
     for (encoder, nets) in [
         (None, StatisticsNets::None),
         (Some(Encoder::standard(8)), StatisticsNets::Light),
-        (Some(Encoder { layers: 2, shared: false, ..Encoder::standard(6) }), StatisticsNets::Full),
+        (
+            Some(Encoder {
+                layers: 2,
+                shared: false,
+                ..Encoder::standard(6)
+            }),
+            StatisticsNets::Full,
+        ),
         (Some(after), StatisticsNets::Full),
     ] {
         let fit = tiny(encoder, nets);
         let pruned = prune(&fit, &Ranks::default(), &counts(&fit, |n| n)).unwrap();
-        assert_eq!(pruned.fit.network().architecture(), fit.network().architecture());
-        assert!(fit.parameters().state().eq(pruned.fit.parameters().state()), "{encoder:?}");
+        assert_eq!(
+            pruned.fit.network().architecture(),
+            fit.network().architecture()
+        );
+        assert!(
+            fit.parameters().state().eq(pruned.fit.parameters().state()),
+            "{encoder:?}"
+        );
         assert_eq!(outputs(&fit), outputs(&pruned.fit), "the same bits");
     }
 }
@@ -155,12 +233,18 @@ fn nothing_pruned_changes_nothing() {
 #[test]
 fn dead_filters_go_without_a_trace() {
     for encoder in [None, Some(Encoder::standard(8))] {
-        let nets = if encoder.is_some() { StatisticsNets::Full } else { StatisticsNets::None };
+        let nets = if encoder.is_some() {
+            StatisticsNets::Full
+        } else {
+            StatisticsNets::None
+        };
         let fit = tiny(encoder, nets);
         // Every second filter of every layer makes nothing but zeros.
         let dead = |name: &str| {
             !name.starts_with("mi.")
-                && !["head.score", "head.centerness", "head.offsets"].iter().any(|o| name.starts_with(o))
+                && !["head.score", "head.centerness", "head.offsets"]
+                    .iter()
+                    .any(|o| name.starts_with(o))
         };
         let planted = fit.parameters().state().map(|(name, value)| {
             let mut value = value.clone();
@@ -173,18 +257,32 @@ fn dead_filters_go_without_a_trace() {
             }
             (name.to_owned(), value)
         });
-        let planted = Fit::with_parameters(fit.position().clone(), planted.collect::<Vec<_>>()).unwrap();
+        let planted =
+            Fit::with_parameters(fit.position().clone(), planted.collect::<Vec<_>>()).unwrap();
         let ranks = ranks_of(&planted);
         assert_eq!(ranks.of("backbone.conv3").unwrap()[1], 0.0);
         let pruned = prune(&planted, &ranks, &counts(&planted, |n| n.div_ceil(2))).unwrap();
-        assert_eq!(pruned.fit.network().architecture().widths.backbone, [3, 4, 5, 5, 4]);
-        assert_eq!(pruned.fit.network().architecture().encoder.map(|e| e.width), encoder.map(|_| 4));
+        assert_eq!(
+            pruned.fit.network().architecture().widths.backbone,
+            [3, 4, 5, 5, 4]
+        );
+        assert_eq!(
+            pruned.fit.network().architecture().encoder.map(|e| e.width),
+            encoder.map(|_| 4)
+        );
         for row in &pruned.rows {
-            assert!(row.ranks[0].unwrap() > 0.0 && row.ranks[1] == Some(0.0), "{row:?}");
+            assert!(
+                row.ranks[0].unwrap() > 0.0 && row.ranks[1] == Some(0.0),
+                "{row:?}"
+            );
         }
         for (before, after) in outputs(&planted).iter().zip(outputs(&pruned.fit)) {
             let scale = before.iter().map(|v| v.abs()).fold(1.0, f32::max);
-            let worst = before.iter().zip(&after).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let worst = before
+                .iter()
+                .zip(&after)
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f32::max);
             assert!(worst < 1e-4 * scale, "{worst} of {scale}");
         }
     }
@@ -199,21 +297,42 @@ fn a_pruned_network_is_a_checkpoint_that_training_continues_from() {
     pruned.fit.save(&path).unwrap();
     let resumed = Fit::resume(&path).unwrap();
     assert_eq!(outputs(&resumed), outputs(&pruned.fit));
-    assert_eq!((resumed.position().step, resumed.position().history.len()), (0, 1));
-    let mut next = Fit::start(resumed.position().options.clone(), vec![], DataOptions::default()).unwrap();
+    assert_eq!(
+        (resumed.position().step, resumed.position().history.len()),
+        (0, 1)
+    );
+    let mut next = Fit::start(
+        resumed.position().options.clone(),
+        vec![],
+        DataOptions::default(),
+    )
+    .unwrap();
     assert_eq!(next.take_over(&resumed), [""; 0], "every tensor fits");
     assert_eq!(outputs(&next), outputs(&resumed));
-    assert!(pruned.to_string().contains("backbone.conv1") && pruned.rows.len() == 15, "{pruned}");
+    assert!(
+        pruned.to_string().contains("backbone.conv1") && pruned.rows.len() == 15,
+        "{pruned}"
+    );
 }
 
 #[test]
 fn impossible_targets_are_refused_by_name() {
     let fit = tiny(None, StatisticsNets::None);
-    let refused = |targets: &Targets| prune(&fit, &Ranks::default(), targets).err().unwrap().to_string();
+    let refused = |targets: &Targets| {
+        prune(&fit, &Ranks::default(), targets)
+            .err()
+            .unwrap()
+            .to_string()
+    };
     let message = refused(&Targets::ratio(0.5));
-    assert!(message.contains("1 to 6 filters in backbone.conv1, found 48"), "{message}");
+    assert!(
+        message.contains("1 to 6 filters in backbone.conv1, found 48"),
+        "{message}"
+    );
     let mut targets = counts(&fit, |n| n);
-    targets.layers.insert("backbone.conv9".into(), Rule::Ratio(0.5));
+    targets
+        .layers
+        .insert("backbone.conv9".into(), Rule::Ratio(0.5));
     assert!(refused(&targets).contains("backbone.conv9"));
     let mut targets = counts(&fit, |n| n);
     targets.layers.insert("head.cls2".into(), Rule::Rank(1.0));

@@ -81,7 +81,11 @@ impl Study {
     /// If a run fails, or a folder holds a run of other options.
     pub fn run(&self, run: &RunOptions) -> Result<Vec<Outcome>, Error> {
         if run.validation.is_empty() {
-            return Err(Error::option("--validate", "sequences or flights to compare by", "none"));
+            return Err(Error::option(
+                "--validate",
+                "sequences or flights to compare by",
+                "none",
+            ));
         }
         std::fs::create_dir_all(&run.out).map_err(Error::io(&run.out))?;
         let mut open: Option<Arc<Dataset>> = None;
@@ -92,14 +96,30 @@ impl Study {
             let outcome = match self.done(variant, &path)? {
                 Some(outcome) => outcome,
                 None => {
-                    eprintln!("run {} of {}: {}", i + 1, self.variants.len(), variant.name());
-                    let dataset = match open.take().filter(|d| *d.options() == variant.data_options) {
+                    eprintln!(
+                        "run {} of {}: {}",
+                        i + 1,
+                        self.variants.len(),
+                        variant.name()
+                    );
+                    let dataset = match open.take().filter(|d| *d.options() == variant.data_options)
+                    {
                         Some(dataset) => dataset,
                         None => Arc::new(self.dataset(variant)?),
                     };
                     open = Some(dataset.clone());
-                    let outcome = self.train(variant, dataset, &RunOptions { out: folder, ..run.clone() })?;
-                    write(&path, &serde_json::to_string_pretty(&outcome).unwrap_or_default())?;
+                    let outcome = self.train(
+                        variant,
+                        dataset,
+                        &RunOptions {
+                            out: folder,
+                            ..run.clone()
+                        },
+                    )?;
+                    write(
+                        &path,
+                        &serde_json::to_string_pretty(&outcome).unwrap_or_default(),
+                    )?;
                     outcome
                 }
             };
@@ -124,7 +144,12 @@ impl Study {
         let bytes = std::fs::read(path).map_err(Error::io(path))?;
         let outcome: Outcome = serde_json::from_slice(&bytes)
             .map_err(|error| Error::file(path, "the result of a run", error))?;
-        let Outcome { options, data_options, data, .. } = &outcome;
+        let Outcome {
+            options,
+            data_options,
+            data,
+            ..
+        } = &outcome;
         self.same(variant, path, options, data_options, data)?;
         Ok(Some(outcome))
     }
@@ -144,26 +169,46 @@ impl Study {
             () if *data != self.data => "other data",
             () => return Ok(()),
         };
-        Err(Error::file(path, "a run of this study (or choose another --out)", differs))
+        Err(Error::file(
+            path,
+            "a run of this study (or choose another --out)",
+            differs,
+        ))
     }
 
     /// Begins a run or goes on with it.
-    fn train(&self, variant: &Variant, dataset: Arc<Dataset>, run: &RunOptions) -> Result<Outcome, Error> {
+    fn train(
+        &self,
+        variant: &Variant,
+        dataset: Arc<Dataset>,
+        run: &RunOptions,
+    ) -> Result<Outcome, Error> {
         let checkpoint = run.out.join("checkpoint.safetensors");
         let mut fit = match checkpoint.exists() {
             true => {
                 let fit = Fit::resume(&checkpoint)?;
                 let position = fit.position();
-                self.same(variant, &checkpoint, &position.options, &position.data_options, &position.data)?;
+                self.same(
+                    variant,
+                    &checkpoint,
+                    &position.options,
+                    &position.data_options,
+                    &position.data,
+                )?;
                 fit
             }
             false => {
-                let (options, data_options) = (variant.options.clone(), variant.data_options.clone());
+                let (options, data_options) =
+                    (variant.options.clone(), variant.data_options.clone());
                 let mut fit = Fit::start(options, self.data.clone(), data_options)?;
                 if let Some(start) = &variant.start {
                     let fresh = fit.take_over(&Fit::open(start)?);
                     if !fresh.is_empty() {
-                        eprintln!("not in {}, so begun anew: {}", start.display(), fresh.join(", "));
+                        eprintln!(
+                            "not in {}, so begun anew: {}",
+                            start.display(),
+                            fresh.join(", ")
+                        );
                     }
                 }
                 fit

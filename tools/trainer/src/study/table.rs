@@ -21,7 +21,11 @@ struct Row<'a> {
 
 /// A set of clips: its name and the mean accuracy on it.
 type Set = (&'static str, fn(&Report) -> Option<Accuracy>);
-const SETS: [Set; 3] = [("clean", |r| r.clean), ("real", |r| r.real), ("flights", |r| r.flights)];
+const SETS: [Set; 3] = [
+    ("clean", |r| r.clean),
+    ("real", |r| r.real),
+    ("flights", |r| r.flights),
+];
 
 /// A figure of accuracy by name.
 type Figure = (&'static str, fn(&Accuracy) -> f64);
@@ -40,14 +44,19 @@ impl Over {
 impl std::fmt::Display for Over {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{:.1}", self.mean)?;
-        self.spread.map_or(Ok(()), |spread| write!(f, " ± {spread:.1}"))
+        self.spread
+            .map_or(Ok(()), |spread| write!(f, " ± {spread:.1}"))
     }
 }
 
 impl Row<'_> {
     fn over(&self, set: Set, figure: fn(&Accuracy) -> f64) -> Option<Over> {
-        let values: Vec<f64> =
-            self.outcomes.iter().filter_map(|outcome| (set.1)(&outcome.report)).map(|a| figure(&a)).collect();
+        let values: Vec<f64> = self
+            .outcomes
+            .iter()
+            .filter_map(|outcome| (set.1)(&outcome.report))
+            .map(|a| figure(&a))
+            .collect();
         Over::of(&values)
     }
 }
@@ -58,7 +67,10 @@ fn rows(outcomes: &[Outcome]) -> Vec<Row<'_>> {
     for outcome in outcomes {
         match rows.iter_mut().find(|row| row.group == outcome.group) {
             Some(row) => row.outcomes.push(outcome),
-            None => rows.push(Row { group: &outcome.group, outcomes: vec![outcome] }),
+            None => rows.push(Row {
+                group: &outcome.group,
+                outcomes: vec![outcome],
+            }),
         }
     }
     rows
@@ -66,15 +78,25 @@ fn rows(outcomes: &[Outcome]) -> Vec<Row<'_>> {
 
 /// The sets that there are outcomes of.
 fn sets(outcomes: &[Outcome]) -> Vec<Set> {
-    SETS.into_iter().filter(|(_, of)| outcomes.iter().any(|outcome| of(&outcome.report).is_some())).collect()
+    SETS.into_iter()
+        .filter(|(_, of)| outcomes.iter().any(|outcome| of(&outcome.report).is_some()))
+        .collect()
 }
 
 /// A table for people: a row per group, means over its seeds with the standard deviation between them.
 pub fn markdown(title: &str, outcomes: &[Outcome]) -> String {
     let sets = sets(outcomes);
-    let mut head =
-        vec![title.to_owned(), "parameters".into(), "MMAC".into(), "runs".into(), "pairs each".into()];
-    head.extend(sets.iter().flat_map(|(set, _)| FIGURES.map(|(figure, _)| format!("{set} {figure}"))));
+    let mut head = vec![
+        title.to_owned(),
+        "parameters".into(),
+        "MMAC".into(),
+        "runs".into(),
+        "pairs each".into(),
+    ];
+    head.extend(
+        sets.iter()
+            .flat_map(|(set, _)| FIGURES.map(|(figure, _)| format!("{set} {figure}"))),
+    );
     let mut lines = vec![head.clone(), vec!["---".into(); head.len()]];
     for row in rows(outcomes) {
         let first = row.outcomes[0];
@@ -91,7 +113,10 @@ pub fn markdown(title: &str, outcomes: &[Outcome]) -> String {
         }
         lines.push(cells);
     }
-    lines.iter().map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
+    lines
+        .iter()
+        .map(|cells| format!("| {} |\n", cells.join(" | ")))
+        .collect()
 }
 
 /// The same for programs: `rows` with means and spreads, `runs` with everything.
@@ -104,7 +129,10 @@ pub fn json(title: &str, outcomes: &[Outcome]) -> String {
                 let value = over.map(|over| json!({ "mean": over.mean, "deviation": over.spread }));
                 (name.to_lowercase(), json!(value))
             });
-            (set.0.to_owned(), serde_json::Value::Object(figures.into_iter().collect()))
+            (
+                set.0.to_owned(),
+                serde_json::Value::Object(figures.into_iter().collect()),
+            )
         });
         json!({
             title: row.group,
@@ -122,23 +150,41 @@ pub fn json(title: &str, outcomes: &[Outcome]) -> String {
 /// Precision and AUC against the groups, a panel per set of clips.
 pub fn svg(title: &str, outcomes: &[Outcome]) -> String {
     let rows = rows(outcomes);
-    let ticks: Vec<_> = rows.iter().enumerate().map(|(i, row)| (i as f64, row.group.to_owned())).collect();
+    let ticks: Vec<_> = rows
+        .iter()
+        .enumerate()
+        .map(|(i, row)| (i as f64, row.group.to_owned()))
+        .collect();
     let panel = |set: Set| {
         let line = |(name, figure): Figure| {
-            let overs =
-                rows.iter().enumerate().filter_map(|(i, row)| Some((i as f64, row.over(set, figure)?)));
+            let overs = rows
+                .iter()
+                .enumerate()
+                .filter_map(|(i, row)| Some((i as f64, row.over(set, figure)?)));
             let overs: Vec<_> = overs.collect();
             Line {
                 name: name.into(),
                 points: overs.iter().map(|(x, over)| (*x, over.mean)).collect(),
-                spread: overs.iter().map(|(_, over)| over.spread.unwrap_or(0.0)).collect(),
+                spread: overs
+                    .iter()
+                    .map(|(_, over)| over.spread.unwrap_or(0.0))
+                    .collect(),
             }
         };
         let lines: Vec<_> = FIGURES.into_iter().map(line).collect();
-        let values = lines.iter().flat_map(|line| line.points.iter().zip(&line.spread));
-        let least = values.map(|((_, y), spread)| y - spread).fold(100.0, f64::min);
+        let values = lines
+            .iter()
+            .flat_map(|line| line.points.iter().zip(&line.spread));
+        let least = values
+            .map(|((_, y), spread)| y - spread)
+            .fold(100.0, f64::min);
         let low = (least / 10.0).floor().max(0.0) * 10.0;
-        Panel { title: format!("{}, percent, against {title}", set.0), lines, ticks: ticks.clone(), low }
+        Panel {
+            title: format!("{}, percent, against {title}", set.0),
+            lines,
+            ticks: ticks.clone(),
+            low,
+        }
     };
     plot::svg(&sets(outcomes).into_iter().map(panel).collect::<Vec<_>>())
 }

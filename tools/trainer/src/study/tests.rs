@@ -8,8 +8,15 @@ use crate::validate::{Accuracy, Validation};
 use weights_format::{Architecture, Encoder, Widths};
 
 fn outcome(group: &str, seed: u64, auc: f64) -> Outcome {
-    let options = FitOptions { seed, architecture: standard(0.5), ..FitOptions::cpu() };
-    let accuracy = Some(Accuracy { precision: auc + 10.0, auc });
+    let options = FitOptions {
+        seed,
+        architecture: standard(0.5),
+        ..FitOptions::cpu()
+    };
+    let accuracy = Some(Accuracy {
+        precision: auc + 10.0,
+        auc,
+    });
     Outcome {
         group: group.into(),
         parameters: options.architecture.parameters(),
@@ -19,13 +26,20 @@ fn outcome(group: &str, seed: u64, auc: f64) -> Outcome {
         data: vec!["scenes".into()],
         steps: 100,
         seconds: 60.0,
-        report: Report { clean: accuracy, ..Report::default() },
+        report: Report {
+            clean: accuracy,
+            ..Report::default()
+        },
     }
 }
 
 #[test]
 fn tables_have_means_and_spreads_over_seeds() {
-    let outcomes = [outcome("full", 1, 60.0), outcome("no-mi", 1, 50.0), outcome("full", 2, 64.0)];
+    let outcomes = [
+        outcome("full", 1, 60.0),
+        outcome("no-mi", 1, 50.0),
+        outcome("full", 2, 64.0),
+    ];
     assert_eq!(
         markdown("variant", &outcomes),
         "| variant | parameters | MMAC | runs | pairs each | clean precision | clean AUC |\n\
@@ -45,8 +59,10 @@ fn tables_have_means_and_spreads_over_seeds() {
 
 fn tiny() -> FitOptions {
     let widths = Widths::uniform([6, 6, 8, 8, 6], 6);
-    let architecture =
-        Architecture { search_size: 191, ..Architecture::new(widths, Some(Encoder::standard(6))) };
+    let architecture = Architecture {
+        search_size: 191,
+        ..Architecture::new(widths, Some(Encoder::standard(6)))
+    };
     FitOptions {
         architecture,
         early_size: 183,
@@ -75,33 +91,71 @@ fn done_runs_are_skipped_and_others_go_on() {
     let folder = Folder::new("study");
     let data = vec![pictures(&folder)];
     let data_options = DataOptions::default();
-    let study = ablation(&tiny(), &data, &data_options, &[1], &VARIANTS.map(String::from));
+    let study = ablation(
+        &tiny(),
+        &data,
+        &data_options,
+        &[1],
+        &VARIANTS.map(String::from),
+    );
     let names: Vec<_> = study.variants.iter().map(Variant::name).collect();
-    assert_eq!(names, ["full-seed1", "no-mi-seed1", "no-identity-seed1", "no-encoder-seed1"]);
+    assert_eq!(
+        names,
+        [
+            "full-seed1",
+            "no-mi-seed1",
+            "no-identity-seed1",
+            "no-encoder-seed1"
+        ]
+    );
     let run = run_options(folder.path());
 
     // The first is done, the second is interrupted after a step.
-    let first = Study { variants: study.variants[..1].to_vec(), ..study.clone() };
+    let first = Study {
+        variants: study.variants[..1].to_vec(),
+        ..study.clone()
+    };
     let before = first.run(&run).unwrap();
     let variant = &study.variants[1];
-    let interrupted =
-        RunOptions { out: folder.path().join("no-mi-seed1"), stop_after: Some(1), ..run.clone() };
-    let mut fit = Fit::start(variant.options.clone(), data.clone(), variant.data_options.clone()).unwrap();
+    let interrupted = RunOptions {
+        out: folder.path().join("no-mi-seed1"),
+        stop_after: Some(1),
+        ..run.clone()
+    };
+    let mut fit = Fit::start(
+        variant.options.clone(),
+        data.clone(),
+        variant.data_options.clone(),
+    )
+    .unwrap();
     let dataset = Arc::new(study.dataset(variant).unwrap());
     fit.run(dataset.clone(), &interrupted).unwrap();
     let outcomes = study.run(&run).unwrap();
 
     assert_eq!(outcomes.len(), 4);
-    assert_eq!(outcomes[0], before[0], "not run again: even its seconds are the same");
-    assert!(outcomes.iter().all(|o| o.steps == 3 && o.report.flights.is_some()));
-    let whole = RunOptions { out: folder.path().join("whole"), ..run.clone() };
+    assert_eq!(
+        outcomes[0], before[0],
+        "not run again: even its seconds are the same"
+    );
+    assert!(
+        outcomes
+            .iter()
+            .all(|o| o.steps == 3 && o.report.flights.is_some())
+    );
+    let whole = RunOptions {
+        out: folder.path().join("whole"),
+        ..run.clone()
+    };
     let mut fit = Fit::start(variant.options.clone(), data, variant.data_options.clone()).unwrap();
     fit.run(dataset, &whole).unwrap();
     let read = |name: &str| {
         let path = folder.path().join(name).join("weights.safetensors");
         weights_format::Weights::read(&path).unwrap()
     };
-    assert!(read("no-mi-seed1").tensors().eq(read("whole").tensors()), "as if never interrupted");
+    assert!(
+        read("no-mi-seed1").tensors().eq(read("whole").tensors()),
+        "as if never interrupted"
+    );
     let table = std::fs::read_to_string(folder.path().join("table.md")).unwrap();
     assert_eq!(table.lines().count(), 6, "{table}");
     assert!(folder.path().join("plot.svg").exists() && folder.path().join("table.json").exists());
@@ -109,9 +163,21 @@ fn done_runs_are_skipped_and_others_go_on() {
     let mut other = study.clone();
     other.variants[0].options.peak_rate = 1e-3;
     let message = other.run(&run).unwrap_err().to_string();
-    assert!(message.contains("other training options") && message.contains("full-seed1"), "{message}");
-    let blind = RunOptions { validation: Validation::default(), ..run };
-    assert!(study.run(&blind).unwrap_err().to_string().contains("--validate"));
+    assert!(
+        message.contains("other training options") && message.contains("full-seed1"),
+        "{message}"
+    );
+    let blind = RunOptions {
+        validation: Validation::default(),
+        ..run
+    };
+    assert!(
+        study
+            .run(&blind)
+            .unwrap_err()
+            .to_string()
+            .contains("--validate")
+    );
 }
 
 #[test]
@@ -119,20 +185,43 @@ fn a_sweep_prunes_and_trains_on() {
     let folder = Folder::new("sweep");
     let data = vec![pictures(&folder)];
     let data_options = DataOptions::default();
-    let options = FitOptions { architecture: Architecture { search_size: 191, ..standard(0.9) }, ..tiny() };
+    let options = FitOptions {
+        architecture: Architecture {
+            search_size: 191,
+            ..standard(0.9)
+        },
+        ..tiny()
+    };
     let mut source = Fit::start(options.clone(), data.clone(), data_options.clone()).unwrap();
-    let mut study =
-        |ratios: &[f64]| sweep(&mut source, ratios, &options, (&data, &data_options), 2, (folder.path(), 2));
+    let mut study = |ratios: &[f64]| {
+        sweep(
+            &mut source,
+            ratios,
+            &options,
+            (&data, &data_options),
+            2,
+            (folder.path(), 2),
+        )
+    };
     let found = study(&[0.9, 0.95]).unwrap();
-    let widths: Vec<_> = found.variants.iter().map(|v| v.options.architecture.widths).collect();
+    let widths: Vec<_> = found
+        .variants
+        .iter()
+        .map(|v| v.options.architecture.widths)
+        .collect();
     assert_eq!(widths, [Widths::pruned(0.9), Widths::pruned(0.95)]);
     let message = study(&[0.8]).err().unwrap().to_string();
     assert!(message.contains("backbone.conv1"), "{message}");
     let outcomes = found.run(&run_options(folder.path())).unwrap();
-    assert_eq!(outcomes[1].parameters, outcomes[1].options.architecture.parameters());
+    assert_eq!(
+        outcomes[1].parameters,
+        outcomes[1].options.architecture.parameters()
+    );
     let weights =
-        weights_format::Weights::read(&folder.path().join("0.95-seed0/weights.safetensors")).unwrap();
+        weights_format::Weights::read(&folder.path().join("0.95-seed0/weights.safetensors"))
+            .unwrap();
     assert!(
-        weights.header.provenance.notes["before"].contains("pruned by rank over 2 pairs to 4/12/19/19/12")
+        weights.header.provenance.notes["before"]
+            .contains("pruned by rank over 2 pairs to 4/12/19/19/12")
     );
 }

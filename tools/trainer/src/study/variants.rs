@@ -37,19 +37,28 @@ pub fn sweep(
                 ranks = Some(Ranks::measure(source, &dataset, pairs, threads)?);
             }
             if let Some(ranks) = &ranks {
-                prune(source, ranks, &Targets::ratio(ratio))?.fit.save(&path)?;
+                prune(source, ranks, &Targets::ratio(ratio))?
+                    .fit
+                    .save(&path)?;
             }
         }
         let pruned = Fit::resume(&path)?;
         let architecture = *pruned.network().architecture();
         variants.push(Variant {
             group: format!("{ratio}"),
-            options: FitOptions { architecture, ..options.clone() },
+            options: FitOptions {
+                architecture,
+                ..options.clone()
+            },
             data_options: data_options.clone(),
             start: Some(path),
         });
     }
-    Ok(Study { title: "ratio".into(), data: data.to_vec(), variants })
+    Ok(Study {
+        title: "ratio".into(),
+        data: data.to_vec(),
+        variants,
+    })
 }
 
 /// What [`ablation`] can train: everything; without the mutual-information losses; without the identity loss; without E1, E2
@@ -66,7 +75,10 @@ pub fn ablation(
     groups: &[String],
 ) -> Study {
     let variant = |group: &str, seed: u64| {
-        let mut options = FitOptions { seed, ..options.clone() };
+        let mut options = FitOptions {
+            seed,
+            ..options.clone()
+        };
         if matches!(group, "no-mi" | "no-encoder") {
             options.statistics_nets = StatisticsNets::None;
         }
@@ -76,10 +88,27 @@ pub fn ablation(
         if group == "no-encoder" {
             options.architecture.encoder = None;
         }
-        let data_options = DataOptions { seed, ..data_options.clone() };
-        Variant { group: group.into(), options, data_options, start: None }
+        let data_options = DataOptions {
+            seed,
+            ..data_options.clone()
+        };
+        Variant {
+            group: group.into(),
+            options,
+            data_options,
+            start: None,
+        }
     };
-    let of_seed = |seed: &u64| groups.iter().map(|group| variant(group, *seed)).collect::<Vec<_>>();
+    let of_seed = |seed: &u64| {
+        groups
+            .iter()
+            .map(|group| variant(group, *seed))
+            .collect::<Vec<_>>()
+    };
     let variants = seeds.iter().flat_map(of_seed).collect();
-    Study { title: "variant".into(), data: data.to_vec(), variants }
+    Study {
+        title: "variant".into(),
+        data: data.to_vec(),
+        variants,
+    }
 }

@@ -55,8 +55,14 @@ pub struct HttpArgs {
 
 fn token(text: &str) -> Result<String, String> {
     let good = (8..=128).contains(&text.len())
-        && text.chars().all(|c| c.is_ascii_alphanumeric() || "-_".contains(c));
-    if good { Ok(text.into()) } else { Err("expected 8 to 128 letters, digits, - or _".into()) }
+        && text
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || "-_".contains(c));
+    if good {
+        Ok(text.into())
+    } else {
+        Err("expected 8 to 128 letters, digits, - or _".into())
+    }
 }
 
 /// Starts the server's threads, if it is asked for.
@@ -64,15 +70,28 @@ fn token(text: &str) -> Result<String, String> {
 /// # Errors
 /// If the address cannot be listened on, or is open to others without a token.
 pub fn start(args: &HttpArgs, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, Failure> {
-    let Some(address) = &args.http else { return Ok(Vec::new()) };
-    let wrong = |reason: String| Failure::Output { output: format!("--http {address}"), reason };
-    let found: Vec<SocketAddr> =
-        address.to_socket_addrs().map_err(|error| wrong(error.to_string()))?.collect();
+    let Some(address) = &args.http else {
+        return Ok(Vec::new());
+    };
+    let wrong = |reason: String| Failure::Output {
+        output: format!("--http {address}"),
+        reason,
+    };
+    let found: Vec<SocketAddr> = address
+        .to_socket_addrs()
+        .map_err(|error| wrong(error.to_string()))?
+        .collect();
     let local = found.iter().all(|a| a.ip().is_loopback());
     if !local && args.token.is_none() {
-        return Err(wrong("is open to other machines, expected --token with it".into()));
+        return Err(wrong(
+            "is open to other machines, expected --token with it".into(),
+        ));
     }
-    let token = args.token.clone().map_or_else(random_token, Ok).map_err(|error| wrong(error.to_string()))?;
+    let token = args
+        .token
+        .clone()
+        .map_or_else(random_token, Ok)
+        .map_err(|error| wrong(error.to_string()))?;
     let listen = || {
         let listener = TcpListener::bind(&found[..])?;
         listener.set_nonblocking(true)?; // so that it sees when the program ends
@@ -85,7 +104,12 @@ pub fn start(args: &HttpArgs, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, Fai
         let (video, hub) = (Arc::clone(&video), Arc::clone(hub));
         std::thread::spawn(move || video.encode(&hub))
     };
-    let site = Arc::new(Site { token, hub: Arc::clone(hub), video, places: Arc::new(()) });
+    let site = Arc::new(Site {
+        token,
+        hub: Arc::clone(hub),
+        video,
+        places: Arc::new(()),
+    });
     let listening = std::thread::spawn(move || {
         while !site.hub.is_stopping() {
             match listener.accept() {
@@ -130,8 +154,12 @@ impl Site {
         stream.set_read_timeout(Some(PATIENCE))?;
         stream.set_write_timeout(Some(MAX_WRITE))?;
         match Request::read(stream) {
-            Ok(request) if request.method == "GET" && request.path == "/video" => self.stream(stream, true),
-            Ok(request) if request.method == "GET" && request.path == "/events" => self.stream(stream, false),
+            Ok(request) if request.method == "GET" && request.path == "/video" => {
+                self.stream(stream, true)
+            }
+            Ok(request) if request.method == "GET" && request.path == "/events" => {
+                self.stream(stream, false)
+            }
             Ok(request) => {
                 let (status, kind, body) = self.respond(&request);
                 send(stream, status, kind, &body)
@@ -160,10 +188,18 @@ impl Site {
                 (403, json, wrong("the token is missing or wrong"))
             }
             ("POST", path @ ("/start" | "/stop")) => {
-                let command = if path == "/stop" { Some(Command::Stop) } else { read_start(&request.body) };
+                let command = if path == "/stop" {
+                    Some(Command::Stop)
+                } else {
+                    read_start(&request.body)
+                };
                 match command.map(|command| self.hub.command(command)) {
                     Some(true) => (202, json, json!({ "accepted": true }).to_string()),
-                    _ => (400, json, wrong("expected a rectangle or point within the frame")),
+                    _ => (
+                        400,
+                        json,
+                        wrong("expected a rectangle or point within the frame"),
+                    ),
                 }
             }
             ("GET" | "POST", _) => (404, "text/plain", "not here\n".into()),
@@ -172,7 +208,10 @@ impl Site {
     }
 
     fn is_authorized(&self, request: &Request) -> bool {
-        request.token.as_ref().is_some_and(|token| same(token, self.token.as_bytes()))
+        request
+            .token
+            .as_ref()
+            .is_some_and(|token| same(token, self.token.as_bytes()))
     }
 
     fn stream(&self, stream: &mut TcpStream, is_video: bool) -> std::io::Result<()> {
@@ -180,7 +219,11 @@ impl Site {
             return send(stream, 503, "text/plain", "too many watch\n");
         }
         let _watching = self.hub.watch(is_video);
-        if is_video { self.video.stream(&self.hub, stream) } else { events(&self.hub, stream) }
+        if is_video {
+            self.video.stream(&self.hub, stream)
+        } else {
+            events(&self.hub, stream)
+        }
     }
 }
 
@@ -234,7 +277,12 @@ fn events(hub: &Hub, out: &mut dyn Write) -> std::io::Result<()> {
 fn read_start(body: &[u8]) -> Option<Command> {
     let value: Value = serde_json::from_slice(body).ok()?;
     let numbers = |field: &str| -> Option<Vec<f32>> {
-        value.get(field)?.as_array()?.iter().map(|v| v.as_f64().map(|v| v as f32)).collect()
+        value
+            .get(field)?
+            .as_array()?
+            .iter()
+            .map(|v| v.as_f64().map(|v| v as f32))
+            .collect()
     };
     match (numbers("rectangle").as_deref(), numbers("point").as_deref()) {
         (Some(&[x1, y1, x2, y2]), None) => Some(Command::Rectangle([x1, y1, x2, y2])),
@@ -245,7 +293,11 @@ fn read_start(body: &[u8]) -> Option<Command> {
 
 /// Compares in a time that does not tell how much was right.
 fn same(a: &[u8], b: &[u8]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).fold(0, |difference, (a, b)| difference | (a ^ b)) == 0
+    a.len() == b.len()
+        && a.iter()
+            .zip(b)
+            .fold(0, |difference, (a, b)| difference | (a ^ b))
+            == 0
 }
 
 #[cfg(test)]
@@ -257,17 +309,36 @@ mod tests {
         let read = |text: &str| read_start(text.as_bytes());
         let rectangle = Command::Rectangle([0.0, 0.25, 0.5, 1.0]);
         assert_eq!(read("{\"rectangle\": [0, 0.25, 0.5, 1]}"), Some(rectangle));
-        let point = Command::Point { x: 0.5, y: 0.25, radius: None };
+        let point = Command::Point {
+            x: 0.5,
+            y: 0.25,
+            radius: None,
+        };
         assert_eq!(read("{\"point\": [0.5, 0.25]}"), Some(point));
-        for bad in ["", "{}", "[1,2,3,4]", "{\"rectangle\": [0, 1]}", "{\"point\": [\"a\", 1]}"] {
+        for bad in [
+            "",
+            "{}",
+            "[1,2,3,4]",
+            "{\"rectangle\": [0, 1]}",
+            "{\"point\": [\"a\", 1]}",
+        ] {
             assert_eq!(read(bad), None, "{bad}");
         }
     }
 
     #[test]
     fn tokens() {
-        assert!(same(b"abc", b"abc") && !same(b"abc", b"abd") && !same(b"abc", b"abcd") && !same(b"", b"a"));
-        assert!(token("short").is_err() && token("with space").is_err() && token("long-enough_1").is_ok());
+        assert!(
+            same(b"abc", b"abc")
+                && !same(b"abc", b"abd")
+                && !same(b"abc", b"abcd")
+                && !same(b"", b"a")
+        );
+        assert!(
+            token("short").is_err()
+                && token("with space").is_err()
+                && token("long-enough_1").is_ok()
+        );
         assert_ne!(random_token().unwrap(), random_token().unwrap());
     }
 }

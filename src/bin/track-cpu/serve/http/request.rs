@@ -103,14 +103,33 @@ fn parse_head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Refusal> 
                 .ok()
                 .filter(|text| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit()));
             let digits = digits.ok_or(Refusal::Status(400))?;
-            length = digits.parse().ok().filter(|n| *n <= MAX_BODY).ok_or(Refusal::Status(413))?;
+            length = digits
+                .parse()
+                .ok()
+                .filter(|n| *n <= MAX_BODY)
+                .ok_or(Refusal::Status(413))?;
         } else if header.name.eq_ignore_ascii_case("x-token") {
             token = Some(header.value.to_vec());
         }
     }
-    let path = parsed.path.unwrap_or_default().split('?').next().unwrap_or_default().to_string();
+    let path = parsed
+        .path
+        .unwrap_or_default()
+        .split('?')
+        .next()
+        .unwrap_or_default()
+        .to_string();
     let method = parsed.method.unwrap_or_default().to_string();
-    Ok(Some((Request { method, path, token, body: Vec::new() }, head, length)))
+    Ok(Some((
+        Request {
+            method,
+            path,
+            token,
+            body: Vec::new(),
+        },
+        head,
+        length,
+    )))
 }
 
 #[cfg(test)]
@@ -162,6 +181,9 @@ mod tests {
             assert_eq!(read(&text), Err(Refusal::Status(status)), "{text:.60}");
         }
         assert_eq!(read("GET / HTTP/1.1\r\n"), Err(Refusal::Gone));
-        assert_eq!(read("POST / HTTP/1.1\r\nContent-Length: 3\r\n\r\n{}"), Err(Refusal::Gone));
+        assert_eq!(
+            read("POST / HTTP/1.1\r\nContent-Length: 3\r\n\r\n{}"),
+            Err(Refusal::Gone)
+        );
     }
 }

@@ -63,7 +63,9 @@ impl Video {
         let mut seen = 0;
         while !hub.is_stopping() {
             let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
-            let waited = self.changed.wait_timeout_while(newest, PATIENCE, |newest| newest.0 == seen);
+            let waited = self
+                .changed
+                .wait_timeout_while(newest, PATIENCE, |newest| newest.0 == seen);
             let (number, bytes) = waited.unwrap_or_else(PoisonError::into_inner).0.clone();
             if number == seen {
                 continue;
@@ -88,6 +90,8 @@ fn encode(image: &Image) -> Option<Vec<u8>> {
     let height = (image.height * width / image.width).max(1);
     let picture = Canvas::fitted(&frame, width as u32, height as u32).picture;
     let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(&picture).ok()?;
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
+        .encode_image(&picture)
+        .ok()?;
     Some(bytes)
 }

@@ -39,7 +39,12 @@ pub struct Camera {
 impl Camera {
     /// A camera that nobody has spoken to yet.
     pub fn new(args: &MavlinkArgs, hub: Arc<Hub>) -> Camera {
-        let allowed = args.mav_allow.iter().chain([&args.mav_system]).map(|&id| id.into()).collect();
+        let allowed = args
+            .mav_allow
+            .iter()
+            .chain([&args.mav_system])
+            .map(|&id| id.into())
+            .collect();
         let now = Instant::now();
         Camera {
             system: args.mav_system,
@@ -58,12 +63,18 @@ impl Camera {
     /// What a message is answered with; nothing where it is not for us, no command, or not from an allowed system.
     pub fn answer(&mut self, from: u32, message: &MavMessage) -> Vec<MavMessage> {
         let (command, parameters, system, component) = match message {
-            MavMessage::COMMAND_LONG(c) => {
-                (c.command, [c.param1, c.param2, c.param3, c.param4], c.target_system, c.target_component)
-            }
-            MavMessage::COMMAND_INT(c) => {
-                (c.command, [c.param1, c.param2, c.param3, c.param4], c.target_system, c.target_component)
-            }
+            MavMessage::COMMAND_LONG(c) => (
+                c.command,
+                [c.param1, c.param2, c.param3, c.param4],
+                c.target_system,
+                c.target_component,
+            ),
+            MavMessage::COMMAND_INT(c) => (
+                c.command,
+                [c.param1, c.param2, c.param3, c.param4],
+                c.target_system,
+                c.target_component,
+            ),
             _ => return Vec::new(),
         };
         if !self.listens(from, system, component) {
@@ -92,7 +103,13 @@ impl Camera {
 
     fn obey(&mut self, command: MavCmd, p: [f32; 4]) -> (MavResult, Option<MavMessage>) {
         use MavResult::*;
-        let taken = |accepted| if accepted { MAV_RESULT_ACCEPTED } else { MAV_RESULT_DENIED };
+        let taken = |accepted| {
+            if accepted {
+                MAV_RESULT_ACCEPTED
+            } else {
+                MAV_RESULT_DENIED
+            }
+        };
         #[allow(deprecated)] // ground stations in the field still ask in the old form
         match command {
             MavCmd::MAV_CMD_REQUEST_MESSAGE => self.requested(p[0]),
@@ -109,7 +126,11 @@ impl Camera {
             }
             MavCmd::MAV_CMD_CAMERA_TRACK_POINT => {
                 let radius = Some(p[2]).filter(|r| r.is_finite() && *r > 0.0);
-                let accepted = self.hub.command(Command::Point { x: p[0], y: p[1], radius });
+                let accepted = self.hub.command(Command::Point {
+                    x: p[0],
+                    y: p[1],
+                    radius,
+                });
                 self.track(accepted, true);
                 (taken(accepted), None)
             }
@@ -199,19 +220,21 @@ impl Camera {
     fn stream(&self, report: &Report) -> Option<MavMessage> {
         let uri = self.uri.as_deref()?;
         let (w, h) = report.size;
-        Some(MavMessage::VIDEO_STREAM_INFORMATION(VIDEO_STREAM_INFORMATION_DATA {
-            framerate: 30.0,
-            flags: VideoStreamStatusFlags::VIDEO_STREAM_STATUS_FLAGS_RUNNING,
-            resolution_h: w.min(usize::from(u16::MAX)) as u16,
-            resolution_v: h.min(usize::from(u16::MAX)) as u16,
-            hfov: self.hfov.map_or(0, |degrees| degrees.round() as u16),
-            stream_id: 1,
-            count: 1,
-            mavtype: VideoStreamType::VIDEO_STREAM_TYPE_RTSP,
-            name: "track-cpu".into(),
-            uri: uri.into(),
-            ..Default::default()
-        }))
+        Some(MavMessage::VIDEO_STREAM_INFORMATION(
+            VIDEO_STREAM_INFORMATION_DATA {
+                framerate: 30.0,
+                flags: VideoStreamStatusFlags::VIDEO_STREAM_STATUS_FLAGS_RUNNING,
+                resolution_h: w.min(usize::from(u16::MAX)) as u16,
+                resolution_v: h.min(usize::from(u16::MAX)) as u16,
+                hfov: self.hfov.map_or(0, |degrees| degrees.round() as u16),
+                stream_id: 1,
+                count: 1,
+                mavtype: VideoStreamType::VIDEO_STREAM_TYPE_RTSP,
+                name: "track-cpu".into(),
+                uri: uri.into(),
+                ..Default::default()
+            },
+        ))
     }
 }
 
@@ -247,7 +270,8 @@ pub fn status(report: &Report, by_point: bool) -> MavMessage {
     };
     data.tracking_status = match track.state {
         State::Coasting => {
-            Flags::CAMERA_TRACKING_STATUS_FLAGS_ACTIVE | Flags::CAMERA_TRACKING_STATUS_FLAGS_COASTING
+            Flags::CAMERA_TRACKING_STATUS_FLAGS_ACTIVE
+                | Flags::CAMERA_TRACKING_STATUS_FLAGS_COASTING
         }
         State::Lost => Flags::CAMERA_TRACKING_STATUS_FLAGS_ERROR,
         _ => Flags::CAMERA_TRACKING_STATUS_FLAGS_ACTIVE,
@@ -329,17 +353,26 @@ mod tests {
     #[allow(deprecated)]
     fn is_discovered_in_both_forms() {
         let (mut camera, _) = camera(&["--video-uri", "rtsp://10.0.0.2/main"]);
-        for (command, p) in
-            [(MavCmd::MAV_CMD_REQUEST_MESSAGE, 259.0), (MavCmd::MAV_CMD_REQUEST_CAMERA_INFORMATION, 1.0)]
-        {
+        for (command, p) in [
+            (MavCmd::MAV_CMD_REQUEST_MESSAGE, 259.0),
+            (MavCmd::MAV_CMD_REQUEST_CAMERA_INFORMATION, 1.0),
+        ] {
             let answers = ask(&mut camera, 255, command, [p, 0.0, 0.0, 0.0]);
             assert_eq!(result(&answers), MavResult::MAV_RESULT_ACCEPTED);
             let Some(MavMessage::CAMERA_INFORMATION(information)) = answers.get(1) else {
                 panic!("{answers:?}")
             };
-            assert_eq!(information.flags.bits() & (256 | 512 | 1024), 256 | 512 | 1024);
+            assert_eq!(
+                information.flags.bits() & (256 | 512 | 1024),
+                256 | 512 | 1024
+            );
         }
-        let answers = ask(&mut camera, 255, MavCmd::MAV_CMD_REQUEST_MESSAGE, [269.0, 0.0, 0.0, 0.0]);
+        let answers = ask(
+            &mut camera,
+            255,
+            MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            [269.0, 0.0, 0.0, 0.0],
+        );
         let Some(MavMessage::VIDEO_STREAM_INFORMATION(stream)) = answers.get(1) else {
             panic!("{answers:?}")
         };
@@ -351,34 +384,74 @@ mod tests {
         let (mut camera, hub) = camera(&[]);
         let rectangle = [0.1, 0.2, 0.3, 0.4];
         let mut tell = |command, p| result(&ask(&mut camera, 255, command, p));
-        assert_eq!(tell(MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE, rectangle), MavResult::MAV_RESULT_ACCEPTED);
+        assert_eq!(
+            tell(MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE, rectangle),
+            MavResult::MAV_RESULT_ACCEPTED
+        );
         let point = [0.5, 0.6, f32::NAN, 0.0];
-        assert_eq!(tell(MavCmd::MAV_CMD_CAMERA_TRACK_POINT, point), MavResult::MAV_RESULT_ACCEPTED);
-        assert_eq!(tell(MavCmd::MAV_CMD_CAMERA_STOP_TRACKING, [0.0; 4]), MavResult::MAV_RESULT_ACCEPTED);
+        assert_eq!(
+            tell(MavCmd::MAV_CMD_CAMERA_TRACK_POINT, point),
+            MavResult::MAV_RESULT_ACCEPTED
+        );
+        assert_eq!(
+            tell(MavCmd::MAV_CMD_CAMERA_STOP_TRACKING, [0.0; 4]),
+            MavResult::MAV_RESULT_ACCEPTED
+        );
         let nonsense = [f32::NAN, 0.0, 9.0, 1.0];
-        assert_eq!(tell(MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE, nonsense), MavResult::MAV_RESULT_DENIED);
-        assert_eq!(tell(MavCmd::MAV_CMD_DO_SET_HOME, [0.0; 4]), MavResult::MAV_RESULT_UNSUPPORTED);
+        assert_eq!(
+            tell(MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE, nonsense),
+            MavResult::MAV_RESULT_DENIED
+        );
+        assert_eq!(
+            tell(MavCmd::MAV_CMD_DO_SET_HOME, [0.0; 4]),
+            MavResult::MAV_RESULT_UNSUPPORTED
+        );
         assert_eq!(
             tell(MavCmd::MAV_CMD_REQUEST_MESSAGE, [1.0, 0.0, 0.0, 0.0]),
             MavResult::MAV_RESULT_UNSUPPORTED
         );
         let taken = hub.take_commands();
-        let point = Command::Point { x: 0.5, y: 0.6, radius: None };
+        let point = Command::Point {
+            x: 0.5,
+            y: 0.6,
+            radius: None,
+        };
         assert_eq!(taken, [Command::Rectangle(rectangle), point, Command::Stop]);
     }
 
     #[test]
     fn strangers_and_other_addressees_are_ignored() {
         let (mut camera, hub) = camera(&["--mav-allow", "250"]);
-        assert!(ask(&mut camera, 255, MavCmd::MAV_CMD_CAMERA_STOP_TRACKING, [0.0; 4]).is_empty());
-        assert_eq!(ask(&mut camera, 250, MavCmd::MAV_CMD_CAMERA_STOP_TRACKING, [0.0; 4]).len(), 1);
+        assert!(
+            ask(
+                &mut camera,
+                255,
+                MavCmd::MAV_CMD_CAMERA_STOP_TRACKING,
+                [0.0; 4]
+            )
+            .is_empty()
+        );
+        assert_eq!(
+            ask(
+                &mut camera,
+                250,
+                MavCmd::MAV_CMD_CAMERA_STOP_TRACKING,
+                [0.0; 4]
+            )
+            .len(),
+            1
+        );
         let data = COMMAND_LONG_DATA {
             command: MavCmd::MAV_CMD_CAMERA_STOP_TRACKING,
             target_system: 1,
             target_component: 101,
             ..Default::default()
         };
-        assert!(camera.answer(250, &MavMessage::COMMAND_LONG(data)).is_empty());
+        assert!(
+            camera
+                .answer(250, &MavMessage::COMMAND_LONG(data))
+                .is_empty()
+        );
         assert_eq!(hub.take_commands().len(), 1);
     }
 
@@ -388,7 +461,13 @@ mod tests {
         let report = Report::default();
         let start = Instant::now() + Duration::from_millis(1);
         let sent = |camera: &mut Camera, start: Instant| {
-            (0..1000).filter(|ms| camera.due(start + Duration::from_millis(*ms), &report).is_some()).count()
+            (0..1000)
+                .filter(|ms| {
+                    camera
+                        .due(start + Duration::from_millis(*ms), &report)
+                        .is_some()
+                })
+                .count()
         };
         assert!((10..=11).contains(&sent(&mut camera, start)));
         let interval = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL;
@@ -402,7 +481,10 @@ mod tests {
 
     #[test]
     fn status_tells_state_and_place() {
-        let mut report = Report { size: (200, 100), ..Report::default() };
+        let mut report = Report {
+            size: (200, 100),
+            ..Report::default()
+        };
         let flags = |report: &Report| match status(report, false) {
             MavMessage::CAMERA_TRACKING_IMAGE_STATUS(s) => {
                 (s.tracking_status.bits(), s.rec_top_x, s.rec_bottom_y)
@@ -410,12 +492,21 @@ mod tests {
             other => panic!("{other:?}"),
         };
         assert_eq!(flags(&report).0, 0);
-        for (state, expected) in
-            [(State::Tracking, 1), (State::Coasting, 9), (State::Lost, 2), (State::Reacquired, 1)]
-        {
+        for (state, expected) in [
+            (State::Tracking, 1),
+            (State::Coasting, 9),
+            (State::Lost, 2),
+            (State::Reacquired, 1),
+        ] {
             let bbox = BBox::new(50.0, 60.0, 20.0, 80.0);
-            let track =
-                Tracked { bbox, presence: None, score: 0.5, state, searches: 1, candidates: Vec::new() };
+            let track = Tracked {
+                bbox,
+                presence: None,
+                score: 0.5,
+                state,
+                searches: 1,
+                candidates: Vec::new(),
+            };
             report.track = Some(track);
             assert_eq!(flags(&report), (expected, 0.25, 1.0));
         }

@@ -64,11 +64,18 @@ pub struct MavlinkArgs {
 }
 
 fn uri(text: &str) -> Result<String, String> {
-    if text.len() <= 159 { Ok(text.into()) } else { Err("expected at most 159 bytes".into()) }
+    if text.len() <= 159 {
+        Ok(text.into())
+    } else {
+        Err("expected at most 159 bytes".into())
+    }
 }
 
 fn field_of_view(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|d| (1.0..=170.0).contains(d)).ok_or("expected degrees from 1 to 170".into())
+    text.parse()
+        .ok()
+        .filter(|d| (1.0..=170.0).contains(d))
+        .ok_or("expected degrees from 1 to 170".into())
 }
 
 type Connection = Box<dyn MavConnection<MavMessage> + Send + Sync>;
@@ -83,7 +90,9 @@ const TICK: Duration = Duration::from_millis(10);
 /// # Errors
 /// If the key cannot be read or the address is none.
 pub fn start(args: &MavlinkArgs, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, Failure> {
-    let Some(address) = args.mavlink.clone() else { return Ok(Vec::new()) };
+    let Some(address) = args.mavlink.clone() else {
+        return Ok(Vec::new());
+    };
     let key = args.mav_key.as_ref().map(read_key).transpose()?;
     let wrong = |error: std::io::Error| Failure::Output {
         output: format!("--mavlink {address}"),
@@ -92,7 +101,12 @@ pub fn start(args: &MavlinkArgs, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, 
     // A wrong address is told at once; a link that breaks later is opened again.
     let first = match connect(&address, key) {
         Ok(connection) => Some(connection),
-        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::AddrNotAvailable) => {
+        Err(error)
+            if matches!(
+                error.kind(),
+                ErrorKind::InvalidInput | ErrorKind::AddrNotAvailable
+            ) =>
+        {
             return Err(wrong(error));
         }
         Err(error) => {
@@ -133,15 +147,23 @@ fn serve(
     connection: Arc<Connection>,
     key: Option<[u8; 32]>,
 ) {
-    let header =
-        MavHeader { system_id: args.mav_system.into(), component_id: args.mav_component, sequence: 0 };
+    let header = MavHeader {
+        system_id: args.mav_system.into(),
+        component_id: args.mav_component,
+        sequence: 0,
+    };
     let broken = Arc::new(AtomicBool::new(false));
     {
         // Not joined: it may wait for a byte for ever, and ends with the process.
-        let (camera, connection, broken) = (Arc::clone(camera), Arc::clone(&connection), Arc::clone(&broken));
+        let (camera, connection, broken) = (
+            Arc::clone(camera),
+            Arc::clone(&connection),
+            Arc::clone(&broken),
+        );
         let hub = Arc::clone(hub);
         // A stream of signatures of its own, beside the connection's.
-        let signing = key.map(|key| SigningData::from_config(SigningConfig::new(key, 1, true, false)));
+        let signing =
+            key.map(|key| SigningData::from_config(SigningConfig::new(key, 1, true, false)));
         std::thread::spawn(move || {
             while !hub.is_stopping() && !broken.load(Ordering::Relaxed) {
                 let raw = match connection.recv_raw() {
@@ -149,7 +171,9 @@ fn serve(
                     Err(MessageReadError::Io(error)) => {
                         match error.kind() {
                             // A datagram that nobody took, or one too short.
-                            ErrorKind::ConnectionRefused | ErrorKind::WouldBlock | ErrorKind::TimedOut => {
+                            ErrorKind::ConnectionRefused
+                            | ErrorKind::WouldBlock
+                            | ErrorKind::TimedOut => {
                                 std::thread::sleep(TICK);
                             }
                             _ => broken.store(true, Ordering::Relaxed),
@@ -159,9 +183,10 @@ fn serve(
                     Err(_) => continue, // no message that we know
                 };
                 let mut camera = camera.lock().unwrap_or_else(PoisonError::into_inner);
-                let Ok(message) = MavMessage::parse(raw.version(), raw.message_id(), raw.payload()) else {
-                    let unknown =
-                        Unknown::of(&raw).filter(|unknown| camera.refuses(raw.system_id(), unknown));
+                let Ok(message) = MavMessage::parse(raw.version(), raw.message_id(), raw.payload())
+                else {
+                    let unknown = Unknown::of(&raw)
+                        .filter(|unknown| camera.refuses(raw.system_id(), unknown));
                     if let Some(unknown) = unknown {
                         let _ = connection.send_raw(&unknown.refusal(header, signing.as_ref()));
                     }
@@ -186,11 +211,20 @@ fn serve(
             due.push(camera::heartbeat());
             heartbeat = now + Duration::from_secs(1);
         }
-        due.extend(camera.lock().unwrap_or_else(PoisonError::into_inner).due(now, &report));
+        due.extend(
+            camera
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .due(now, &report),
+        );
         due.extend(pointing.due(now, &report, fresh));
         for message in &due {
-            if let Err(::mavlink::error::MessageWriteError::Io(error)) = connection.send(&header, message)
-                && !matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::WouldBlock)
+            if let Err(::mavlink::error::MessageWriteError::Io(error)) =
+                connection.send(&header, message)
+                && !matches!(
+                    error.kind(),
+                    ErrorKind::ConnectionRefused | ErrorKind::WouldBlock
+                )
                 && !error.to_string().contains("unreachable")
             {
                 eprintln!("mavlink: {error}; opening the link again");
@@ -207,11 +241,15 @@ fn serve(
 /// 32 bytes, or 64 hexadecimal digits.
 fn read_key(path: &PathBuf) -> Result<[u8; 32], Failure> {
     let log = || path.display().to_string();
-    let bytes =
-        std::fs::read(path).map_err(|error| Failure::Log { log: log(), reason: error.to_string() })?;
+    let bytes = std::fs::read(path).map_err(|error| Failure::Log {
+        log: log(),
+        reason: error.to_string(),
+    })?;
     parse_key(&bytes).ok_or_else(|| {
-        let reason =
-            format!("holds {} bytes, expected a key of 32 bytes or 64 hexadecimal digits", bytes.len());
+        let reason = format!(
+            "holds {} bytes, expected a key of 32 bytes or 64 hexadecimal digits",
+            bytes.len()
+        );
         Failure::Log { log: log(), reason }
     })
 }
@@ -224,8 +262,9 @@ fn parse_key(bytes: &[u8]) -> Option<[u8; 32]> {
     if text.len() != 64 || !text.is_ascii() {
         return None;
     }
-    let digits: Option<Vec<u8>> =
-        (0..32).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).ok()).collect();
+    let digits: Option<Vec<u8>> = (0..32)
+        .map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).ok())
+        .collect();
     digits?.try_into().ok()
 }
 
@@ -237,7 +276,10 @@ mod tests {
     fn keys() {
         assert_eq!(parse_key(&[7; 32]), Some([7; 32]));
         assert_eq!(parse_key("0a".repeat(32).as_bytes()), Some([10; 32]));
-        assert_eq!(parse_key(format!("{}\n", "ff".repeat(32)).as_bytes()), Some([255; 32]));
+        assert_eq!(
+            parse_key(format!("{}\n", "ff".repeat(32)).as_bytes()),
+            Some([255; 32])
+        );
         for bad in [&b""[..], b"short", "zz".repeat(32).as_bytes(), &[0; 33]] {
             assert_eq!(parse_key(bad), None);
         }

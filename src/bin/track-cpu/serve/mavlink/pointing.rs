@@ -29,8 +29,14 @@ const HOLD: Duration = Duration::from_secs(1);
 pub fn angles(bbox: &BBox, size: (usize, usize), hfov_degrees: f64) -> (f64, f64) {
     let (w, h) = (size.0 as f64, size.1 as f64);
     let focal = 0.5 * w / (0.5 * hfov_degrees.to_radians()).tan();
-    let (u, v) = (f64::from(bbox.x + bbox.w / 2.0), f64::from(bbox.y + bbox.h / 2.0));
-    (((u - 0.5 * w) / focal).atan(), ((v - 0.5 * h) / focal).atan())
+    let (u, v) = (
+        f64::from(bbox.x + bbox.w / 2.0),
+        f64::from(bbox.y + bbox.h / 2.0),
+    );
+    (
+        ((u - 0.5 * w) / focal).atan(),
+        ((v - 0.5 * h) / focal).atan(),
+    )
 }
 
 /// A PI controller of one axis.
@@ -84,7 +90,10 @@ impl Pointing {
     /// What is to be sent now; `fresh` if the report has not been seen before.
     pub fn due(&mut self, now: Instant, report: &Report, fresh: bool) -> Vec<MavMessage> {
         let mut out = Vec::new();
-        let target = report.track.as_ref().filter(|track| track.state != State::Lost);
+        let target = report
+            .track
+            .as_ref()
+            .filter(|track| track.state != State::Lost);
         let at = target.map(|track| angles(&track.bbox, report.size, self.hfov));
         if self.landing_target
             && fresh
@@ -108,7 +117,10 @@ impl Pointing {
                 }
                 self.followed = Some(now);
                 let seconds = PERIOD.as_secs_f64();
-                let (yaw, pitch) = (self.yaw.rate(right, seconds), -self.pitch.rate(down, seconds));
+                let (yaw, pitch) = (
+                    self.yaw.rate(right, seconds),
+                    -self.pitch.rate(down, seconds),
+                );
                 out.push(self.rates(pitch, yaw));
             }
             None => {
@@ -157,7 +169,11 @@ impl Pointing {
     }
 
     fn landing(&self, bbox: BBox, report: &Report, (right, down): (f64, f64)) -> MavMessage {
-        let corner = BBox { w: 0.0, h: 0.0, ..bbox };
+        let corner = BBox {
+            w: 0.0,
+            h: 0.0,
+            ..bbox
+        };
         let (left, top) = angles(&corner, report.size, self.hfov);
         MavMessage::LANDING_TARGET(LANDING_TARGET_DATA {
             time_usec: (report.time_ms * 1e3) as u64,
@@ -193,8 +209,19 @@ mod tests {
     }
 
     fn report(bbox: BBox, state: State) -> Report {
-        let track = Tracked { bbox, presence: None, score: 0.5, state, searches: 1, candidates: Vec::new() };
-        Report { size: (640, 480), track: Some(track), ..Report::default() }
+        let track = Tracked {
+            bbox,
+            presence: None,
+            score: 0.5,
+            state,
+            searches: 1,
+            candidates: Vec::new(),
+        };
+        Report {
+            size: (640, 480),
+            track: Some(track),
+            ..Report::default()
+        }
     }
 
     fn rates(messages: &[MavMessage]) -> Option<(f32, f32)> {
@@ -216,13 +243,28 @@ mod tests {
         let start = Instant::now();
         let right_and_below = BBox::new(500.0, 400.0, 20.0, 20.0);
         let messages = pointing.due(start, &report(right_and_below, State::Tracking), true);
-        assert!(messages.iter().any(|m| matches!(m, MavMessage::COMMAND_LONG(_))), "takes control first");
-        assert!(messages.iter().any(|m| matches!(m, MavMessage::LANDING_TARGET(l) if l.angle_x > 0.2)));
+        assert!(
+            messages
+                .iter()
+                .any(|m| matches!(m, MavMessage::COMMAND_LONG(_))),
+            "takes control first"
+        );
+        assert!(
+            messages
+                .iter()
+                .any(|m| matches!(m, MavMessage::LANDING_TARGET(l) if l.angle_x > 0.2))
+        );
         let (pitch, yaw) = rates(&messages).unwrap();
         assert!(yaw > 0.1 && pitch < -0.1, "{pitch} {yaw}");
-        assert_eq!(rates(&pointing.due(start, &report(right_and_below, State::Tracking), false)), None);
+        assert_eq!(
+            rates(&pointing.due(start, &report(right_and_below, State::Tracking), false)),
+            None
+        );
         let lost = report(right_and_below, State::Lost);
-        assert_eq!(rates(&pointing.due(start + PERIOD, &lost, true)), Some((0.0, 0.0)));
+        assert_eq!(
+            rates(&pointing.due(start + PERIOD, &lost, true)),
+            Some((0.0, 0.0))
+        );
         let later = start + HOLD + 2 * PERIOD;
         assert_eq!(rates(&pointing.due(later, &lost, true)), None);
         assert!(pointing.farewell().is_none());

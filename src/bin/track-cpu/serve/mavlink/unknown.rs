@@ -3,7 +3,9 @@
 //! The parser turns such a message down as a whole, so the few bytes that matter are read here, and the answer is written here.
 
 use ::mavlink::dialects::common::MavResult;
-use ::mavlink::dialects::common::{COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavMessage};
+use ::mavlink::dialects::common::{
+    COMMAND_ACK_DATA, COMMAND_INT_DATA, COMMAND_LONG_DATA, MavMessage,
+};
 use ::mavlink::error::ParserError;
 use ::mavlink::{
     MAVLinkMessageRaw, MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, MessageData, SigningData,
@@ -32,7 +34,11 @@ impl Unknown {
         // Both have the command behind 28 bytes of parameters; version 2 leaves out zeros at the end.
         let byte = |at: usize| message.payload().get(at).copied().unwrap_or(0);
         let command = u16::from_le_bytes([byte(28), byte(29)]);
-        Some(Unknown { command, system: byte(30), component: byte(31) })
+        Some(Unknown {
+            command,
+            system: byte(30),
+            component: byte(31),
+        })
     }
 
     /// The message that says that it is not supported.
@@ -80,7 +86,11 @@ mod tests {
 
     #[test]
     fn numbers_and_addressees_are_read_and_answered() {
-        let header = MavHeader { system_id: 255, component_id: 190, sequence: 0 };
+        let header = MavHeader {
+            system_id: 255,
+            component_id: 190,
+            sequence: 0,
+        };
         let message = MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
             command: MavCmd::MAV_CMD_DO_SET_HOME,
             target_system: 1,
@@ -91,21 +101,39 @@ mod tests {
         raw.serialize_message(header, &message);
         let unknown = Unknown::of(&MAVLinkMessageRaw::V2(raw)).unwrap();
         let command = MavCmd::MAV_CMD_DO_SET_HOME as u16;
-        assert_eq!(unknown, Unknown { command, system: 1, component: 100 });
+        assert_eq!(
+            unknown,
+            Unknown {
+                command,
+                system: 1,
+                component: 100
+            }
+        );
 
         let signing = SigningData::from_config(SigningConfig::new([7; 32], 1, true, false));
         for signing in [None, Some(&signing)] {
             let refusal = unknown.refusal(header, signing);
             let parsed =
-                MavMessage::parse(MavlinkVersion::V2, refusal.message_id(), refusal.payload()).unwrap();
-            let MavMessage::COMMAND_ACK(ack) = parsed else { panic!("{parsed:?}") };
-            assert_eq!((ack.command as u16, ack.result), (command, MavResult::MAV_RESULT_UNSUPPORTED));
-            let MAVLinkMessageRaw::V2(refusal) = &refusal else { panic!("version 1") };
+                MavMessage::parse(MavlinkVersion::V2, refusal.message_id(), refusal.payload())
+                    .unwrap();
+            let MavMessage::COMMAND_ACK(ack) = parsed else {
+                panic!("{parsed:?}")
+            };
+            assert_eq!(
+                (ack.command as u16, ack.result),
+                (command, MavResult::MAV_RESULT_UNSUPPORTED)
+            );
+            let MAVLinkMessageRaw::V2(refusal) = &refusal else {
+                panic!("version 1")
+            };
             assert!(signing.is_none_or(|signing| signing.verify_signature(refusal)));
         }
 
         let mut raw = MAVLinkV2MessageRaw::new();
-        raw.serialize_message(header, &MavMessage::COMMAND_ACK(COMMAND_ACK_DATA::default()));
+        raw.serialize_message(
+            header,
+            &MavMessage::COMMAND_ACK(COMMAND_ACK_DATA::default()),
+        );
         assert_eq!(Unknown::of(&MAVLinkMessageRaw::V2(raw)), None);
     }
 }

@@ -56,27 +56,44 @@ impl Tape<'_> {
         }
         let (mean, variance) = match self.mode {
             Mode::Training => {
-                let Moments { mean, squares, count } =
-                    Moments::of(self.compute, self.value(x), part_len(self.value(x)));
+                let Moments {
+                    mean,
+                    squares,
+                    count,
+                } = Moments::of(self.compute, self.value(x), part_len(self.value(x)));
                 let variance: Vec<f64> = squares.iter().map(|s| s / count).collect();
                 let unbiased = |s: f64| s / (count - 1.0).max(1.0);
-                follow(self.parameters[running.mean].value.data_mut(), mean.iter().copied());
+                follow(
+                    self.parameters[running.mean].value.data_mut(),
+                    mean.iter().copied(),
+                );
                 let squares = squares.iter().map(|s| unbiased(*s));
                 follow(self.parameters[running.variance].value.data_mut(), squares);
                 (mean, variance)
             }
             Mode::Evaluation => {
-                let values =
-                    |id| self.parameters[id].value.data().iter().map(|v| f64::from(*v)).collect::<Vec<_>>();
+                let values = |id| {
+                    self.parameters[id]
+                        .value
+                        .data()
+                        .iter()
+                        .map(|v| f64::from(*v))
+                        .collect::<Vec<_>>()
+                };
                 (values(running.mean), values(running.variance))
             }
         };
-        assert!(rows > 0 && mean.len() == channels && variance.len() == channels, "statistics of batch_norm");
+        assert!(
+            rows > 0 && mean.len() == channels && variance.len() == channels,
+            "statistics of batch_norm"
+        );
         let deviation: Vec<f64> = variance.iter().map(|v| (v + EPSILON).sqrt()).collect();
         let gammas = self.value(gamma).data().iter().zip(&deviation);
         let affine = Affine {
             mean: mean.iter().map(|v| *v as f32).collect(),
-            a: gammas.map(|(gamma, deviation)| (f64::from(*gamma) / deviation) as f32).collect(),
+            a: gammas
+                .map(|(gamma, deviation)| (f64::from(*gamma) / deviation) as f32)
+                .collect(),
             b: self.value(beta).data().to_vec(),
             relu,
         };
@@ -85,9 +102,20 @@ impl Tape<'_> {
         let input = self.value(x).data();
         self.compute.each(out.data_mut(), part, |i, out| {
             let x = &input[i * part..][..out.len()];
-            self.compute.isa().run(Normalize { affine: &affine, x, out });
+            self.compute.isa().run(Normalize {
+                affine: &affine,
+                x,
+                out,
+            });
         });
-        let operation = BatchNorm { x, gamma, beta, affine, deviation, mode: self.mode };
+        let operation = BatchNorm {
+            x,
+            gamma,
+            beta,
+            affine,
+            deviation,
+            mode: self.mode,
+        };
         self.record(out, &[x, gamma, beta], operation)
     }
 }
@@ -111,22 +139,40 @@ impl Operation for BatchNorm {
         let (rows, channels) = x.rows("batch_norm");
         let part = part_len(x);
         let mut sums = vec![0.0f64; 2 * channels * x.shape()[0]];
-        compute.each2((gradient.data_mut(), part), (&mut sums, 2 * channels), |i, gradient, sums| {
-            let x = &x.data()[i * part..][..part];
-            compute.isa().run(Sums { affine: &self.affine, x, gradient, sums });
-        });
+        compute.each2(
+            (gradient.data_mut(), part),
+            (&mut sums, 2 * channels),
+            |i, gradient, sums| {
+                let x = &x.data()[i * part..][..part];
+                compute.isa().run(Sums {
+                    affine: &self.affine,
+                    x,
+                    gradient,
+                    sums,
+                });
+            },
+        );
         let total = |c: usize| sums[c..].iter().step_by(2 * channels).sum::<f64>();
         let beta: Vec<f64> = (0..channels).map(total).collect();
-        let gamma = self.deviation.iter().enumerate().map(|(c, deviation)| total(channels + c) / deviation);
+        let gamma = self
+            .deviation
+            .iter()
+            .enumerate()
+            .map(|(c, deviation)| total(channels + c) / deviation);
         let gamma: Vec<f64> = gamma.collect();
 
         if tape.needs_gradient(self.x) {
             let (shift, slope) = match self.mode {
                 Mode::Training => {
                     let m = rows as f64;
-                    let slope =
-                        gamma.iter().zip(&self.deviation).map(|(gamma, deviation)| gamma / deviation / m);
-                    (beta.iter().map(|beta| (beta / m) as f32).collect(), slope.map(|v| v as f32).collect())
+                    let slope = gamma
+                        .iter()
+                        .zip(&self.deviation)
+                        .map(|(gamma, deviation)| gamma / deviation / m);
+                    (
+                        beta.iter().map(|beta| (beta / m) as f32).collect(),
+                        slope.map(|v| v as f32).collect(),
+                    )
                 }
                 Mode::Evaluation => (vec![0.0; channels], vec![0.0; channels]),
             };
@@ -142,7 +188,8 @@ impl Operation for BatchNorm {
             });
         }
         tape.add_gradient(self.x, gradient);
-        let vector = |values: &[f64]| Tensor::new(&[channels], values.iter().map(|v| *v as f32).collect());
+        let vector =
+            |values: &[f64]| Tensor::new(&[channels], values.iter().map(|v| *v as f32).collect());
         tape.add_gradient(self.gamma, vector(&gamma));
         tape.add_gradient(self.beta, vector(&beta));
     }
@@ -166,7 +213,11 @@ mod tests {
         for shape in [&[2, 3, 3, 4][..], &[5, 2], &[1, 9, 8, 1]] {
             let channels = *shape.last().unwrap();
             let (mut parameters, running) = parameters(channels);
-            let inputs = [noise(shape, 1), noise(&[channels], 2), noise(&[channels], 3)];
+            let inputs = [
+                noise(shape, 1),
+                noise(&[channels], 2),
+                noise(&[channels], 3),
+            ];
             check_with(&mut parameters, &inputs, 0.02, 2e-4, |tape, v| {
                 tape.batch_norm(v[0], v[1], v[2], running, false)
             });
@@ -201,14 +252,20 @@ mod tests {
         parameters[running.mean].value.data_mut()[0] = 2.0;
         let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
         let x = tape.constant(Tensor::new(&[4, 1], vec![1.0, 2.0, 3.0, 6.0]));
-        let (gamma, beta) = (tape.constant(Tensor::full(&[1], 2.0)), tape.constant(Tensor::full(&[1], 1.0)));
+        let (gamma, beta) = (
+            tape.constant(Tensor::full(&[1], 2.0)),
+            tape.constant(Tensor::full(&[1], 1.0)),
+        );
         let y = tape.batch_norm(x, gamma, beta, running, false);
         // Mean 3, biased variance 14 / 4, unbiased 14 / 3.
-        let expected = [1.0f64, 2.0, 3.0, 6.0].map(|x| 2.0 * (x - 3.0) / (3.5f64 + 1e-5).sqrt() + 1.0);
+        let expected =
+            [1.0f64, 2.0, 3.0, 6.0].map(|x| 2.0 * (x - 3.0) / (3.5f64 + 1e-5).sqrt() + 1.0);
         for (y, expected) in tape.value(y).data().iter().zip(expected) {
             assert!((f64::from(*y) - expected).abs() < 1e-6);
         }
         assert!((parameters[running.mean].value.item() - 2.1).abs() < 1e-6);
-        assert!((parameters[running.variance].value.item() - (0.45 + 0.1 * 14.0 / 3.0)).abs() < 1e-6);
+        assert!(
+            (parameters[running.variance].value.item() - (0.45 + 0.1 * 14.0 / 3.0)).abs() < 1e-6
+        );
     }
 }

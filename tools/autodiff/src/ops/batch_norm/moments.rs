@@ -13,7 +13,11 @@ pub(super) struct Moments {
 
 impl Moments {
     fn none(channels: usize) -> Moments {
-        Moments { count: 0.0, mean: vec![0.0; channels], squares: vec![0.0; channels] }
+        Moments {
+            count: 0.0,
+            mean: vec![0.0; channels],
+            squares: vec![0.0; channels],
+        }
     }
 
     /// Of `x` (`[.., channels]`), measured in parts of `part` values.
@@ -22,11 +26,17 @@ impl Moments {
         let mut parts = vec![Moments::none(channels); x.shape()[0]];
         compute.each(&mut parts, 1, |i, moments| {
             let x = &x.data()[i * part..][..part];
-            compute.isa().run(Measure { x, moments: &mut moments[0] });
+            compute.isa().run(Measure {
+                x,
+                moments: &mut moments[0],
+            });
         });
         let mut all = Moments::none(channels);
         for part in &parts {
-            all.merge(part.count, part.mean.iter().copied().zip(part.squares.iter().copied()));
+            all.merge(
+                part.count,
+                part.mean.iter().copied().zip(part.squares.iter().copied()),
+            );
         }
         all
     }
@@ -74,8 +84,10 @@ impl Kernel for Measure<'_> {
                     *squares += (x - mean) * (x - mean);
                 }
             }
-            let pairs =
-                mean.iter().zip(&squares).map(|(mean, squares)| (f64::from(*mean), f64::from(*squares)));
+            let pairs = mean
+                .iter()
+                .zip(&squares)
+                .map(|(mean, squares)| (f64::from(*mean), f64::from(*squares)));
             self.moments.merge(f64::from(count), pairs);
         }
     }
@@ -96,11 +108,24 @@ mod tests {
         let moments = Moments::of(&compute, &x, 301 * channels);
         assert_eq!(moments.count, rows as f64);
         for c in 0..channels {
-            let values = || x.data()[c..].iter().step_by(channels).map(|v| f64::from(*v));
+            let values = || {
+                x.data()[c..]
+                    .iter()
+                    .step_by(channels)
+                    .map(|v| f64::from(*v))
+            };
             let mean = values().sum::<f64>() / rows as f64;
             let squares: f64 = values().map(|v| (v - mean).powi(2)).sum();
-            assert!((moments.mean[c] - mean).abs() < 1e-4, "{} {mean}", moments.mean[c]);
-            assert!((moments.squares[c] / squares - 1.0).abs() < 1e-4, "{} {squares}", moments.squares[c]);
+            assert!(
+                (moments.mean[c] - mean).abs() < 1e-4,
+                "{} {mean}",
+                moments.mean[c]
+            );
+            assert!(
+                (moments.squares[c] / squares - 1.0).abs() < 1e-4,
+                "{} {squares}",
+                moments.squares[c]
+            );
         }
     }
 }

@@ -26,7 +26,11 @@ impl Kernel for Normalize<'_> {
         let Affine { mean, a, b, relu } = self.affine;
         let floor = if *relu { 0.0 } else { f32::NEG_INFINITY };
         let channels = mean.len();
-        for (out, x) in self.out.chunks_exact_mut(channels).zip(self.x.chunks_exact(channels)) {
+        for (out, x) in self
+            .out
+            .chunks_exact_mut(channels)
+            .zip(self.x.chunks_exact(channels))
+        {
             for ((((out, x), mean), a), b) in out.iter_mut().zip(x).zip(mean).zip(a).zip(b) {
                 *out = (a * (x - mean) + b).max(floor);
             }
@@ -59,7 +63,10 @@ impl Kernel for Sums<'_> {
         for (gradient, x) in self.gradient.chunks_mut(len).zip(self.x.chunks(len)) {
             sum.fill(0.0);
             products.fill(0.0);
-            for (gradient, x) in gradient.chunks_exact_mut(channels).zip(x.chunks_exact(channels)) {
+            for (gradient, x) in gradient
+                .chunks_exact_mut(channels)
+                .zip(x.chunks_exact(channels))
+            {
                 let sums = sum.iter_mut().zip(&mut products);
                 let affine = mean.iter().zip(a).zip(b);
                 for (((g, x), (sum, product)), ((mean, a), b)) in
@@ -71,8 +78,13 @@ impl Kernel for Sums<'_> {
                     *product += *g * distance;
                 }
             }
-            all.iter_mut().zip(&sum).for_each(|(all, sum)| *all += f64::from(*sum));
-            all_products.iter_mut().zip(&products).for_each(|(all, sum)| *all += f64::from(*sum));
+            all.iter_mut()
+                .zip(&sum)
+                .for_each(|(all, sum)| *all += f64::from(*sum));
+            all_products
+                .iter_mut()
+                .zip(&products)
+                .for_each(|(all, sum)| *all += f64::from(*sum));
         }
     }
 }
@@ -93,7 +105,11 @@ impl Kernel for Differentiate<'_> {
     fn run<S: Simd>(self, _: S) {
         let Affine { mean, a, .. } = self.affine;
         let channels = mean.len();
-        for (gradient, x) in self.gradient.chunks_exact_mut(channels).zip(self.x.chunks_exact(channels)) {
+        for (gradient, x) in self
+            .gradient
+            .chunks_exact_mut(channels)
+            .zip(self.x.chunks_exact(channels))
+        {
             let constants = mean.iter().zip(a).zip(self.shift).zip(self.slope);
             for ((g, x), (((mean, a), shift), slope)) in gradient.iter_mut().zip(x).zip(constants) {
                 *g = a * (*g - shift - slope * (x - mean));

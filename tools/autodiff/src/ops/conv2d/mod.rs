@@ -38,7 +38,11 @@ pub struct Conv2d {
 
 impl Default for Conv2d {
     fn default() -> Conv2d {
-        Conv2d { stride: 1, pad: 0, relu: false }
+        Conv2d {
+            stride: 1,
+            pad: 0,
+            relu: false,
+        }
     }
 }
 
@@ -56,24 +60,56 @@ impl Tape<'_> {
     pub fn conv2d(&mut self, x: Var, weights: Var, bias: Option<Var>, options: Conv2d) -> Var {
         let maps = self.value(x).maps("conv2d");
         let [out_channels, kernel, k, in_channels] = self.shape(weights)[..] else {
-            panic!("conv2d needs weights [Cout, k, k, Cin], found {:?}", self.shape(weights))
+            panic!(
+                "conv2d needs weights [Cout, k, k, Cin], found {:?}",
+                self.shape(weights)
+            )
         };
-        assert_eq!((k, in_channels), (kernel, maps.channels), "conv2d: weights for an input {maps:?}");
-        assert!(options.pad < kernel && options.stride > 0, "conv2d: {options:?} with a kernel of {kernel}");
+        assert_eq!(
+            (k, in_channels),
+            (kernel, maps.channels),
+            "conv2d: weights for an input {maps:?}"
+        );
+        assert!(
+            options.pad < kernel && options.stride > 0,
+            "conv2d: {options:?} with a kernel of {kernel}"
+        );
         if let Some(bias) = bias {
             assert_eq!(self.shape(bias), [out_channels], "conv2d: bias");
         }
         let Conv2d { stride, pad, relu } = options;
-        let shape = ConvShape { in_channels, out_channels, kernel, stride, pad, relu };
+        let shape = ConvShape {
+            in_channels,
+            out_channels,
+            kernel,
+            stride,
+            pad,
+            relu,
+        };
         let algorithm = self.compute.algorithm(&shape, maps.size);
         let conv = self.packed_once(weights, Direction::Forward, algorithm, |tape| {
             let zeros = vec![0.0; out_channels];
             let bias = bias.map_or(&zeros[..], |bias| tape.value(bias).data());
-            Conv::new(tape.compute.isa(), algorithm, shape, tape.value(weights).data(), bias)
+            Conv::new(
+                tape.compute.isa(),
+                algorithm,
+                shape,
+                tape.value(weights).data(),
+                bias,
+            )
         });
         let out = convolve(self.compute, &conv, self.value(x));
         let inputs = [x, weights, bias.unwrap_or(x)];
-        self.record(out, &inputs, Convolution { x, weights, bias, shape })
+        self.record(
+            out,
+            &inputs,
+            Convolution {
+                x,
+                weights,
+                bias,
+                shape,
+            },
+        )
     }
 
     /// The convolution with `weights` laid out for a direction and an algorithm, made the first time.
@@ -88,7 +124,8 @@ impl Tape<'_> {
             return conv.clone();
         }
         let conv = Arc::new(make(self));
-        self.packed.insert((weights, direction, algorithm), conv.clone());
+        self.packed
+            .insert((weights, direction, algorithm), conv.clone());
         conv
     }
 }
@@ -96,14 +133,19 @@ impl Tape<'_> {
 /// Convolves every image of `x`.
 fn convolve(compute: &Compute, conv: &Conv, x: &Tensor) -> Tensor {
     let maps = x.maps("conv2d");
-    let out_maps =
-        Maps { size: conv.shape().out_size(maps.size), channels: conv.shape().out_channels, ..maps };
+    let out_maps = Maps {
+        size: conv.shape().out_size(maps.size),
+        channels: conv.shape().out_channels,
+        ..maps
+    };
     let mut out = compute.tensor(&out_maps.shape());
     let one = Threads::new(1);
     let scratch = conv.scratch_len(maps.size, &one);
     compute.each(out.data_mut(), out_maps.image(), |i, out| {
         let image = &x.data()[i * maps.image()..][..maps.image()];
-        compute.scratch(scratch, |scratch| conv.run(&one, image, maps.size, out, scratch));
+        compute.scratch(scratch, |scratch| {
+            conv.run(&one, image, maps.size, out, scratch)
+        });
     });
     out
 }
@@ -123,7 +165,12 @@ impl Operation for Convolution {
             tape.add_gradient(bias, share);
         }
         if tape.needs_gradient(self.weights) {
-            let share = weight_gradient::weight_gradient(compute, &self.shape, tape.value(self.x), &gradient);
+            let share = weight_gradient::weight_gradient(
+                compute,
+                &self.shape,
+                tape.value(self.x),
+                &gradient,
+            );
             tape.add_gradient(self.weights, share);
         }
         if tape.needs_gradient(self.x) {
@@ -136,7 +183,14 @@ impl Operation for Convolution {
 
 impl Convolution {
     fn input_gradient(&self, tape: &mut Tape, gradient: &Tensor) -> Tensor {
-        let ConvShape { in_channels, out_channels, kernel, stride, pad, .. } = self.shape;
+        let ConvShape {
+            in_channels,
+            out_channels,
+            kernel,
+            stride,
+            pad,
+            ..
+        } = self.shape;
         let back = ConvShape {
             in_channels: out_channels,
             out_channels: in_channels,
@@ -147,16 +201,29 @@ impl Convolution {
         };
         let input = tape.value(self.x).maps("conv2d").size;
         let side = |n: usize| n + 2 * pad + 1 - kernel;
-        let size = Size { h: side(input.h), w: side(input.w) }; // of the gradient with zeros between its pixels
+        let size = Size {
+            h: side(input.h),
+            w: side(input.w),
+        }; // of the gradient with zeros between its pixels
         let algorithm = tape.compute.algorithm(&back, size);
         let conv = tape.packed_once(self.weights, Direction::Backward, algorithm, |tape| {
             let turned = turn(&self.shape, tape.value(self.weights).data());
-            Conv::new(tape.compute.isa(), algorithm, back, &turned, &vec![0.0; in_channels])
+            Conv::new(
+                tape.compute.isa(),
+                algorithm,
+                back,
+                &turned,
+                &vec![0.0; in_channels],
+            )
         });
         if stride == 1 {
             return convolve(tape.compute, &conv, gradient);
         }
-        let spread = Placement { size, first: 0, step: stride };
+        let spread = Placement {
+            size,
+            first: 0,
+            step: stride,
+        };
         let gradient = spread.place(tape.compute, gradient);
         let out = convolve(tape.compute, &conv, &gradient);
         tape.compute.recycle(gradient);
@@ -182,26 +249,55 @@ mod tests {
     use crate::check::{check, noise};
     use crate::{Mode, Parameters};
 
-    fn check_shape(batch: usize, size: Size, cin: usize, cout: usize, kernel: usize, options: Conv2d) {
+    fn check_shape(
+        batch: usize,
+        size: Size,
+        cin: usize,
+        cout: usize,
+        kernel: usize,
+        options: Conv2d,
+    ) {
         let x = noise(&[batch, size.h, size.w, cin], 1);
         let weights = noise(&[cout, kernel, kernel, cin], 2);
         let bias = noise(&[cout], 3);
-        check(&[x, weights, bias], 0.25, 1e-5, |tape, v| tape.conv2d(v[0], v[1], Some(v[2]), options));
+        check(&[x, weights, bias], 0.25, 1e-5, |tape, v| {
+            tape.conv2d(v[0], v[1], Some(v[2]), options)
+        });
     }
 
     #[test]
     fn gradients() {
-        for (kernel, stride, pad) in
-            [(1, 1, 0), (3, 1, 0), (3, 1, 1), (2, 1, 1), (5, 2, 0), (3, 2, 1), (4, 3, 2)]
-        {
-            let options = Conv2d { stride, pad, relu: false };
+        for (kernel, stride, pad) in [
+            (1, 1, 0),
+            (3, 1, 0),
+            (3, 1, 1),
+            (2, 1, 1),
+            (5, 2, 0),
+            (3, 2, 1),
+            (4, 3, 2),
+        ] {
+            let options = Conv2d {
+                stride,
+                pad,
+                relu: false,
+            };
             check_shape(2, Size { h: 6, w: 7 }, 3, 5, kernel, options);
         }
     }
 
     #[test]
     fn gradients_at_wide_channels() {
-        check_shape(1, Size { h: 3, w: 4 }, 17, 19, 3, Conv2d { pad: 1, ..Conv2d::default() });
+        check_shape(
+            1,
+            Size { h: 3, w: 4 },
+            17,
+            19,
+            3,
+            Conv2d {
+                pad: 1,
+                ..Conv2d::default()
+            },
+        );
         check_shape(5, Size { h: 2, w: 2 }, 2, 40, 1, Conv2d::default());
     }
 
@@ -224,21 +320,38 @@ mod tests {
                 let mut parameters = Parameters::new();
                 let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
                 let vars = inputs.clone().map(|input| tape.input(input));
-                let options = Conv2d { stride, pad, relu: false };
+                let options = Conv2d {
+                    stride,
+                    pad,
+                    relu: false,
+                };
                 let y = tape.conv2d(vars[0], vars[1], Some(vars[2]), options);
-                let direct = tape.packed.keys().all(|(.., algorithm)| *algorithm == Algorithm::Direct);
+                let direct = tape
+                    .packed
+                    .keys()
+                    .all(|(.., algorithm)| *algorithm == Algorithm::Direct);
                 let (out, factors) = (tape.value(y).clone(), noise(tape.shape(y), 9));
                 let gradients = tape.backward_from(y, factors);
-                (direct, [out].into_iter().chain(vars.map(|var| gradients.get(var).unwrap().clone())))
+                (
+                    direct,
+                    [out]
+                        .into_iter()
+                        .chain(vars.map(|var| gradients.get(var).unwrap().clone())),
+                )
             };
             let (direct, expected) = run(Compute::new(1).unwrap());
             let (planned_direct, found) = run(Compute::new(2).unwrap().with_winograd());
             assert!(direct && !planned_direct);
-            for (what, (found, expected)) in ["y", "dx", "dw", "db"].into_iter().zip(found.zip(expected)) {
+            for (what, (found, expected)) in
+                ["y", "dx", "dw", "db"].into_iter().zip(found.zip(expected))
+            {
                 let squares: f32 = expected.data().iter().map(|v| v * v).sum();
                 let rms = (squares / expected.data().len() as f32).sqrt();
                 let pairs = found.data().iter().zip(expected.data());
-                let error = pairs.map(|(found, expected)| (found - expected).abs()).fold(0.0, f32::max) / rms;
+                let error = pairs
+                    .map(|(found, expected)| (found - expected).abs())
+                    .fold(0.0, f32::max)
+                    / rms;
                 let allowed = if kernel == 3 { 1e-4 } else { 1e-3 }; // up to 10 points
                 assert!(
                     error < allowed,
@@ -254,13 +367,20 @@ mod tests {
         let x = Tensor::new(&[1, 2, 2, 1], vec![1.0, -2.0, 3.0, -4.0]);
         let weights = Tensor::new(&[2, 1, 1, 1], vec![1.0, -1.0]);
         let bias = Tensor::new(&[2], vec![0.5, -0.5]);
-        let options = Conv2d { relu: true, ..Conv2d::default() };
-        check(&[x, weights, bias], 0.01, 1e-4, |tape, v| tape.conv2d(v[0], v[1], Some(v[2]), options));
+        let options = Conv2d {
+            relu: true,
+            ..Conv2d::default()
+        };
+        check(&[x, weights, bias], 0.01, 1e-4, |tape, v| {
+            tape.conv2d(v[0], v[1], Some(v[2]), options)
+        });
     }
 
     #[test]
     fn without_a_bias() {
         let (x, weights) = (noise(&[1, 3, 3, 2], 4), noise(&[2, 2, 2, 2], 5));
-        check(&[x, weights], 0.25, 1e-5, |tape, v| tape.conv2d(v[0], v[1], None, Conv2d::default()));
+        check(&[x, weights], 0.25, 1e-5, |tape, v| {
+            tape.conv2d(v[0], v[1], None, Conv2d::default())
+        });
     }
 }

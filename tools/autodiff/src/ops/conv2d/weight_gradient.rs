@@ -31,18 +31,33 @@ const STRIP: usize = 128;
 
 /// The gradient of `[Cout, k, k, Cin]`, for an input `x` and the `gradient` of the output; by Winograd's algorithm where that
 /// is allowed and expected to be faster.
-pub(super) fn weight_gradient(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient: &Tensor) -> Tensor {
+pub(super) fn weight_gradient(
+    compute: &Compute,
+    shape: &ConvShape,
+    x: &Tensor,
+    gradient: &Tensor,
+) -> Tensor {
     let outputs = gradient.maps("conv2d");
-    match winograd_gradient::points(shape, outputs.batch, outputs.size).filter(|_| compute.winograd()) {
+    match winograd_gradient::points(shape, outputs.batch, outputs.size)
+        .filter(|_| compute.winograd())
+    {
         Some(points) => winograd_gradient::weight_gradient(compute, shape, points, x, gradient),
         None => direct(compute, shape, x, gradient),
     }
 }
 
 /// The same, always by the sum itself.
-pub(super) fn direct(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient: &Tensor) -> Tensor {
+pub(super) fn direct(
+    compute: &Compute,
+    shape: &ConvShape,
+    x: &Tensor,
+    gradient: &Tensor,
+) -> Tensor {
     let (inputs, outputs) = (x.maps("conv2d"), gradient.maps("conv2d"));
-    let (window, channels) = (shape.kernel * shape.kernel * shape.in_channels, shape.out_channels);
+    let (window, channels) = (
+        shape.kernel * shape.kernel * shape.in_channels,
+        shape.out_channels,
+    );
     let padded = Placement::pad(inputs.size, shape.pad);
     let parts = inputs.batch.div_ceil(PART_IMAGES);
     let mut sums = compute.zeros(&[parts, window * channels]);
@@ -52,7 +67,14 @@ pub(super) fn direct(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient:
             let gradient = &gradient.data()[image * outputs.image()..][..outputs.image()];
             let mut run = |input: &[f32]| {
                 let (size, width) = (padded.size, outputs.size.w);
-                compute.isa().run(WeightGradient { shape, input, size, gradient, width, out });
+                compute.isa().run(WeightGradient {
+                    shape,
+                    input,
+                    size,
+                    gradient,
+                    width,
+                    out,
+                });
             };
             if shape.pad == 0 {
                 run(x);
@@ -69,7 +91,10 @@ pub(super) fn direct(compute: &Compute, shape: &ConvShape, x: &Tensor, gradient:
         for j in 0..window {
             let first = j * channels + block * CHANNELS;
             for (o, out) in out[j..].iter_mut().step_by(window).enumerate() {
-                *out = sums.data()[first + o..].iter().step_by(window * channels).sum();
+                *out = sums.data()[first + o..]
+                    .iter()
+                    .step_by(window * channels)
+                    .sum();
             }
         }
     });
@@ -92,7 +117,14 @@ impl Kernel for WeightGradient<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let WeightGradient { shape, input, size, gradient, width, out } = self;
+        let WeightGradient {
+            shape,
+            input,
+            size,
+            gradient,
+            width,
+            out,
+        } = self;
         let (channels, row_len) = (shape.out_channels, shape.kernel * shape.in_channels);
         let input_row = size.w * shape.in_channels;
         let all_vectors = channels.div_ceil(S::LANES);
@@ -105,8 +137,9 @@ impl Kernel for WeightGradient<'_> {
                 let first = first_vector * S::LANES;
                 let used = (channels - first).min(vectors * S::LANES);
                 let packed = &mut packed[..gradient.len() / channels * vectors * S::LANES];
-                for (to, from) in
-                    packed.chunks_exact_mut(vectors * S::LANES).zip(gradient.chunks_exact(channels))
+                for (to, from) in packed
+                    .chunks_exact_mut(vectors * S::LANES)
+                    .zip(gradient.chunks_exact(channels))
                 {
                     to[..used].copy_from_slice(&from[first..][..used]);
                 }
@@ -115,7 +148,8 @@ impl Kernel for WeightGradient<'_> {
                     for i in 0..tiles {
                         let inputs = row_len / tiles + usize::from(i < row_len % tiles);
                         let args = Tile {
-                            input: &input[(strip * strip_rows * shape.stride + ky) * input_row + j..],
+                            input: &input
+                                [(strip * strip_rows * shape.stride + ky) * input_row + j..],
                             input_row: shape.stride * input_row,
                             input_step: shape.stride * shape.in_channels,
                             gradient: packed,
@@ -171,7 +205,11 @@ impl Tile<'_> {
             unreachable!("more than the registers hold");
         }
         let mut sums = [[simd.zero(); VECTORS]; INPUTS];
-        for (y, gradient) in self.gradient.chunks_exact(self.width * VECTORS * S::LANES).enumerate() {
+        for (y, gradient) in self
+            .gradient
+            .chunks_exact(self.width * VECTORS * S::LANES)
+            .enumerate()
+        {
             let input = &self.input[y * self.input_row..];
             for (x, gradient) in gradient.chunks_exact(VECTORS * S::LANES).enumerate() {
                 let input = &input[x * self.input_step..][..INPUTS];

@@ -17,7 +17,9 @@ use crate::ops::map::Placement;
 use crate::{Compute, Tensor};
 use kernels::Size;
 use kernels::conv::ConvShape;
-use kernels::conv::winograd::{AsIs, Lines, MAX_KERNEL, Steps, kernel_row, lines_len, pairs, share};
+use kernels::conv::winograd::{
+    AsIs, Lines, MAX_KERNEL, Steps, kernel_row, lines_len, pairs, share,
+};
 use kernels::simd::{Kernel, Simd};
 
 /// Tiles of a strip: enough to make up for reading and writing all of `U'` once per strip.
@@ -64,7 +66,11 @@ pub(super) fn weight_gradient(
     let len = points * points * shape.in_channels * shape.out_channels;
     let mut sums = compute.zeros(&[parts, len]);
     let strip_len = Strip::len(shape, points);
-    let image_len = if shape.pad == 0 { 0 } else { padded.size.area() * inputs.channels };
+    let image_len = if shape.pad == 0 {
+        0
+    } else {
+        padded.size.area() * inputs.channels
+    };
     let m = points + 1 - shape.kernel;
     let columns = (outputs.size.w.div_ceil(m) - 1) * m + points;
     let row_len = lines_len(points, columns, inputs.channels);
@@ -81,17 +87,39 @@ pub(super) fn weight_gradient(
                     input = image_space;
                 }
                 let strip = &mut strip;
-                let lines = Lines { values: &mut *row, columns, channels: inputs.channels };
+                let lines = Lines {
+                    values: &mut *row,
+                    columns,
+                    channels: inputs.channels,
+                };
                 let (size, out_size) = (padded.size, outputs.size);
-                compute.isa().run(AddImage { strip, lines, input, size, gradient, out_size });
+                compute.isa().run(AddImage {
+                    strip,
+                    lines,
+                    input,
+                    size,
+                    gradient,
+                    out_size,
+                });
             }
             compute.isa().run(Multiply { strip: &mut strip });
         });
     });
     let window = shape.kernel * shape.kernel * shape.in_channels;
-    let mut out = compute.tensor(&[shape.out_channels, shape.kernel, shape.kernel, shape.in_channels]);
+    let mut out = compute.tensor(&[
+        shape.out_channels,
+        shape.kernel,
+        shape.kernel,
+        shape.in_channels,
+    ]);
     compute.each(out.data_mut(), CHANNELS * window, |block, out| {
-        compute.isa().run(Finish { shape, points, sums: sums.data(), first: block * CHANNELS, out });
+        compute.isa().run(Finish {
+            shape,
+            points,
+            sums: sums.data(),
+            first: block * CHANNELS,
+            out,
+        });
     });
     compute.recycle(sums);
     out
@@ -123,9 +151,21 @@ impl<'a> Strip<'a> {
         points * points * (Strip::input_step(shape) + Strip::gradient_step(shape))
     }
 
-    fn new(shape: &'a ConvShape, points: usize, space: &'a mut [f32], sums: &'a mut [f32]) -> Strip<'a> {
+    fn new(
+        shape: &'a ConvShape,
+        points: usize,
+        space: &'a mut [f32],
+        sums: &'a mut [f32],
+    ) -> Strip<'a> {
         let (inputs, gradients) = space.split_at_mut(points * points * Strip::input_step(shape));
-        Strip { shape, points, filled: 0, inputs, gradients, sums }
+        Strip {
+            shape,
+            points,
+            filled: 0,
+            inputs,
+            gradients,
+            sums,
+        }
     }
 
     /// Adds the products of all tiles, and is empty again.
@@ -152,7 +192,8 @@ impl<'a> Strip<'a> {
                         input: &inputs[j..],
                         input_row: 0,
                         input_step: cin,
-                        gradient: &gradients[STRIP_TILES * first..][..self.filled * vectors * S::LANES],
+                        gradient: &gradients[STRIP_TILES * first..]
+                            [..self.filled * vectors * S::LANES],
                         width: self.filled,
                         out: &mut sums[j * cout + first..],
                         out_step: cout,
@@ -207,7 +248,14 @@ impl Kernel for AddImage<'_, '_> {
 impl AddImage<'_, '_> {
     #[inline(always)]
     fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let AddImage { strip, mut lines, input, size, gradient, out_size } = self;
+        let AddImage {
+            strip,
+            mut lines,
+            input,
+            size,
+            gradient,
+            out_size,
+        } = self;
         let cin = strip.shape.in_channels;
         for y in (0..out_size.h).step_by(M) {
             lines.fill::<S, A>(simd, input, size, (y, 0));
@@ -216,7 +264,10 @@ impl AddImage<'_, '_> {
                     strip.multiply(simd);
                 }
                 let v = &mut strip.inputs[strip.filled * cin..];
-                let steps = Steps { point: Strip::input_step(strip.shape), vector: S::LANES };
+                let steps = Steps {
+                    point: Strip::input_step(strip.shape),
+                    vector: S::LANES,
+                };
                 lines.tile::<S, _, A>(simd, x, v, steps, AsIs);
                 gradient_tile::<S, A, M>(simd, gradient, out_size, (y, x), strip);
                 strip.filled += 1;
@@ -247,13 +298,19 @@ fn gradient_tile<S: Simd, const A: usize, const M: usize>(
             let mut line = [simd.zero(); M];
             for i in 0..rows {
                 let from = &gradient[((y + i) * size.w + x + j) * channels + c..][..n];
-                line[i] = if n == S::LANES { simd.load(from) } else { simd.load_partial(from) };
+                line[i] = if n == S::LANES {
+                    simd.load(from)
+                } else {
+                    simd.load_partial(from)
+                };
             }
             half[j] = gradient_points::<S, A, M>(simd, &line);
         }
         let block = vector / 3 * 3; // the block's first vector
         let block_width = (all_vectors - block).min(3) * S::LANES;
-        let at = STRIP_TILES * block * S::LANES + strip.filled * block_width + (vector - block) * S::LANES;
+        let at = STRIP_TILES * block * S::LANES
+            + strip.filled * block_width
+            + (vector - block) * S::LANES;
         for i in 0..A {
             let mut line = [simd.zero(); M];
             for j in 0..M {
@@ -269,7 +326,10 @@ fn gradient_tile<S: Simd, const A: usize, const M: usize>(
 
 /// `A y` for one line of gradients: at every point the polynomial whose coefficients they are, at infinity the last one.
 #[inline(always)]
-fn gradient_points<S: Simd, const A: usize, const M: usize>(simd: S, y: &[S::F32; M]) -> [S::F32; A] {
+fn gradient_points<S: Simd, const A: usize, const M: usize>(
+    simd: S,
+    y: &[S::F32; M],
+) -> [S::F32; A] {
     let mut w = [simd.zero(); A];
     w[0] = y[0];
     for pair in 0..(A - 2) / 2 {
@@ -335,7 +395,11 @@ impl Finish<'_> {
                         let mut u = simd.zero();
                         for part in self.sums.chunks_exact(A * A * point_step) {
                             let from = &part[at..][..n];
-                            let share = if n == S::LANES { simd.load(from) } else { simd.load_partial(from) };
+                            let share = if n == S::LANES {
+                                simd.load(from)
+                            } else {
+                                simd.load_partial(from)
+                            };
                             u = simd.add(u, share);
                         }
                         for x in 0..K {
@@ -377,9 +441,18 @@ mod tests {
             (2, 11, 9, 20, 5, 0),
             (1, 7, 2, 3, 5, 2),
         ] {
-            let shape =
-                ConvShape { in_channels: cin, out_channels: cout, kernel, stride: 1, pad, relu: false };
-            let out = shape.out_size(Size { h: side, w: side + 1 });
+            let shape = ConvShape {
+                in_channels: cin,
+                out_channels: cout,
+                kernel,
+                stride: 1,
+                pad,
+                relu: false,
+            };
+            let out = shape.out_size(Size {
+                h: side,
+                w: side + 1,
+            });
             let x = noise(&[batch, side, side + 1, cin], 1);
             let gradient = noise(&[batch, out.h, out.w, cout], 2);
             let points = if kernel == 3 { 6 } else { 8 };
@@ -391,7 +464,10 @@ mod tests {
                 let squares: f32 = expected.data().iter().map(|v| v * v).sum();
                 let allowed = 3e-5 * (squares / expected.data().len() as f32).sqrt();
                 for (found, expected) in found.data().iter().zip(expected.data()) {
-                    assert!((found - expected).abs() <= allowed, "{isa} {shape:?}: {found} {expected}");
+                    assert!(
+                        (found - expected).abs() <= allowed,
+                        "{isa} {shape:?}: {found} {expected}"
+                    );
                 }
             }
         }
@@ -399,10 +475,18 @@ mod tests {
 
     #[test]
     fn threads_change_no_bit() {
-        let shape = ConvShape { in_channels: 8, out_channels: 24, kernel: 3, stride: 1, pad: 1, relu: false };
+        let shape = ConvShape {
+            in_channels: 8,
+            out_channels: 24,
+            kernel: 3,
+            stride: 1,
+            pad: 1,
+            relu: false,
+        };
         let (x, gradient) = (noise(&[9, 10, 10, 8], 3), noise(&[9, 10, 10, 24], 4));
         let run = |threads| {
-            super::weight_gradient(&Compute::new(threads).unwrap(), &shape, 6, &x, &gradient).into_data()
+            super::weight_gradient(&Compute::new(threads).unwrap(), &shape, 6, &x, &gradient)
+                .into_data()
         };
         assert_eq!(run(1), run(3));
     }
