@@ -1,4 +1,4 @@
-"""Times engines in turn and writes the tables of docs/peers.md: `bench.py TRACK_CPU FOLDER DOCUMENT [ROUNDS]`.
+"""Times engines in turn and writes the tables of docs/results.md: `bench.py TRACK_CPU FOLDER DOCUMENT [ROUNDS]`.
 
 Every engine is a process of its own that is stopped unless it is its turn; turns go round, so that whatever slows the machine slows all of
 them. Medians over all passes.

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# One search pass of our network beside other inference engines, timed in turn; the table of docs/peers.md:
+# One search pass of our network beside other inference engines, timed in turn; the table of docs/results.md:
 #
 #   tools/peers/run.sh [ROUNDS]
 #
 # TRACK_CPU    the program; built by cargo if not set
 # PEERS_VENV   a Python environment with the engines, made if it is not there (2 GB)
 # PEERS_WORK   where their models go, by default target/peers-models
-# DOCUMENT     the file whose part between `<!-- table -->` and `<!-- /table -->` is re-written, by default docs/peers.md
+# DOCUMENT     the file whose part between `<!-- table -->` and `<!-- /table -->` is re-written, by default docs/results.md
 #
 # Close everything else first: two noisy minutes are enough to make a wrong table.
 set -euo pipefail
@@ -23,4 +23,4 @@ if [ -z "${TRACK_CPU:-}" ]; then
     TRACK_CPU=${CARGO_TARGET_DIR:-$root/target}/release/track-cpu
 fi
 mkdir -p "$work"
-"$venv/bin/python" "$here/bench.py" "$(realpath "$TRACK_CPU")" "$work" "${DOCUMENT:-$root/docs/peers.md}" "${1:-5}"
+"$venv/bin/python" "$here/bench.py" "$(realpath "$TRACK_CPU")" "$work" "${DOCUMENT:-$root/docs/results.md}" "${1:-5}"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Our tracker beside OpenCV's KCF, CSRT and MOSSE on the same sequences, as the tables of docs/evaluation.md:
+# Our tracker beside OpenCV's KCF, CSRT and MOSSE on the same sequences, as the tables of docs/results.md:
 #
 #   tools/ope/peers/run.sh SEQUENCES [FOLDER]
 #
@@ -10,14 +10,14 @@
 # MODEL       a weights file in place of the built-in model
 # PEERS_VENV  a Python environment with opencv-contrib-python, made if it is not there
 # DOCUMENT    the file whose part between `<!-- peers -->` and `<!-- /peers -->` is re-written, by default
-#             docs/evaluation.md; plots go to the folder plots beside it
+#             docs/results.md; plots go to the folder plots beside it
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../../.." && pwd)
 sequences=$(realpath "${1:?usage: run.sh SEQUENCES [FOLDER]}")
 work=${2:-$root/target/peers}
 venv=${PEERS_VENV:-$HOME/.cache/track-cpu-opencv}
-document=${DOCUMENT:-$root/docs/evaluation.md}
+document=${DOCUMENT:-$root/docs/results.md}
 
 if ! "$venv/bin/python" -c 'import cv2' 2> /dev/null; then
     python3 -m venv "$venv"
