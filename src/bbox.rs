@@ -1,9 +1,18 @@
-//! Boxes: pure geometry, in pixels.
+//! Boxes: pure geometry. Each type says which pixels it is in.
+//!
+//! | type | form | pixels |
+//! |---|---|---|
+//! | [`BBox`] | left, top, width, height | frame; the type of the API |
+//! | [`FrameBox`] | center, width, height | frame |
+//! | `CropBox` | center, width, height | crop |
+//!
+//! `tracker::crop::Placement` converts between frame and crop pixels, and nothing else does.
 
-/// An axis-aligned box: left, top, width, height in pixels.
+/// An axis-aligned box in frame pixels: left, top, width, height.
 ///
 /// Coordinates are 0-based and the width counts pixels inclusively: a box of one pixel at (3, 4) is
-/// `BBox::new(3.0, 4.0, 1.0, 1.0)`, its center is (3, 4) (spec section 2.1).
+/// `BBox::new(3.0, 4.0, 1.0, 1.0)`, and its center is (3, 4).
+/// Source: docs/method.md, section 2.1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BBox {
     /// Left edge.
@@ -16,9 +25,9 @@ pub struct BBox {
     pub h: f32,
 }
 
-/// The same box by its center.
+/// A box in frame pixels by its center.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CenterBox {
+pub struct FrameBox {
     /// Center, horizontally.
     pub cx: f32,
     /// Center, vertically.
@@ -29,6 +38,18 @@ pub struct CenterBox {
     pub h: f32,
 }
 
+/// Another name of [`FrameBox`].
+pub type CenterBox = FrameBox;
+
+/// A box in crop pixels by its center.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct CropBox {
+    pub cx: f32,
+    pub cy: f32,
+    pub w: f32,
+    pub h: f32,
+}
+
 impl BBox {
     /// A box from left, top, width and height.
     pub const fn new(x: f32, y: f32, w: f32, h: f32) -> BBox {
@@ -36,11 +57,10 @@ impl BBox {
     }
 
     /// The same box by its center.
-    pub fn center(&self) -> CenterBox {
-        let (cx, cy) = (self.x + (self.w - 1.0) / 2.0, self.y + (self.h - 1.0) / 2.0);
-        CenterBox {
-            cx,
-            cy,
+    pub fn center(&self) -> FrameBox {
+        FrameBox {
+            cx: self.x + (self.w - 1.0) / 2.0,
+            cy: self.y + (self.h - 1.0) / 2.0,
             w: self.w,
             h: self.h,
         }
@@ -58,7 +78,9 @@ impl BBox {
         self.w.max(0.0) * self.h.max(0.0)
     }
 
-    /// Intersection over union in `[0, 1]`, with continuous edges `x..x + w` (spec section 4.2).
+    /// Intersection over union in `[0, 1]`, with continuous edges `x..x + w`.
+    ///
+    /// Source: docs/method.md, section 4.2.
     pub fn iou(&self, other: &BBox) -> f32 {
         let w = (self.x + self.w).min(other.x + other.w) - self.x.max(other.x);
         let h = (self.y + self.h).min(other.y + other.h) - self.y.max(other.y);
@@ -73,12 +95,13 @@ impl BBox {
 
     /// Distance between the centers in pixels.
     pub fn center_distance(&self, other: &BBox) -> f32 {
-        let (a, b) = (self.center(), other.center());
+        let a = self.center();
+        let b = other.center();
         (a.cx - b.cx).hypot(a.cy - b.cy)
     }
 }
 
-impl CenterBox {
+impl FrameBox {
     /// The same box by its corner.
     pub fn corner(&self) -> BBox {
         BBox::new(
@@ -89,12 +112,14 @@ impl CenterBox {
         )
     }
 
-    /// Keeps the center inside a `width` x `height` frame and the size between `min_size` and the frame's.
+    /// Keeps the center inside a `width` x `height` frame and each side between `min_size` and the
+    /// frame's. The frame's side wins where it is below `min_size`.
     ///
-    /// Source: spec section 2.6. A frame smaller than `min_size` wins over it.
-    pub fn clamped(&self, width: usize, height: usize, min_size: f32) -> CenterBox {
-        let (width, height) = (width as f32, height as f32);
-        CenterBox {
+    /// Source: docs/method.md, section 2.6.
+    pub fn clamped(&self, width: usize, height: usize, min_size: f32) -> FrameBox {
+        let width = width as f32;
+        let height = height as f32;
+        FrameBox {
             cx: self.cx.clamp(0.0, width),
             cy: self.cy.clamp(0.0, height),
             w: self.w.max(min_size).min(width),
@@ -103,53 +128,78 @@ impl CenterBox {
     }
 }
 
+impl CropBox {
+    /// Whether every number is finite.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.corner().is_finite()
+    }
+
+    /// Intersection over union in `[0, 1]`, as of [`BBox::iou`].
+    pub(crate) fn iou(&self, other: &CropBox) -> f32 {
+        self.corner().iou(&other.corner())
+    }
+
+    /// The same box by its corner, still in crop pixels.
+    fn corner(&self) -> BBox {
+        let CropBox { cx, cy, w, h } = *self;
+        FrameBox { cx, cy, w, h }.corner()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn center_of_the_spec() {
-        let b = BBox::new(100.0, 50.0, 40.0, 80.0);
-        let c = b.center();
-        assert_eq!((c.cx, c.cy), (119.5, 89.5)); // spec section 2.2
-        assert_eq!(c.corner(), b);
+    fn center_of_a_box_counts_pixels_inclusively() {
+        let bbox = BBox::new(100.0, 50.0, 40.0, 80.0);
+
+        let center = bbox.center();
+
+        assert_eq!((center.cx, center.cy), (119.5, 89.5)); // docs/method.md, section 2.2
+        assert_eq!(center.corner(), bbox);
     }
 
     #[test]
-    fn overlap() {
+    fn iou_of_boxes_that_overlap_touch_or_are_inverted() {
         let a = BBox::new(0.0, 0.0, 10.0, 10.0);
-        assert_eq!(a.iou(&a), 1.0);
-        assert_eq!(a.iou(&BBox::new(5.0, 0.0, 10.0, 10.0)), 50.0 / 150.0);
-        assert_eq!(a.iou(&BBox::new(10.0, 0.0, 10.0, 10.0)), 0.0);
-        assert_eq!(a.iou(&BBox::new(0.0, 0.0, -3.0, 5.0)), 0.0);
-        assert_eq!(a.center_distance(&BBox::new(3.0, 4.0, 10.0, 10.0)), 5.0);
+        for (b, expected) in [
+            (a, 1.0),
+            (BBox::new(5.0, 0.0, 10.0, 10.0), 50.0 / 150.0),
+            (BBox::new(10.0, 0.0, 10.0, 10.0), 0.0),
+            (BBox::new(0.0, 0.0, -3.0, 5.0), 0.0),
+        ] {
+            assert_eq!(a.iou(&b), expected, "{b:?}");
+        }
     }
 
     #[test]
-    fn clamps_to_the_frame() {
-        let c = CenterBox {
+    fn center_distance_of_shifted_boxes_is_the_shift() {
+        let a = BBox::new(0.0, 0.0, 10.0, 10.0);
+        let b = BBox::new(3.0, 4.0, 10.0, 10.0);
+
+        assert_eq!(a.center_distance(&b), 5.0);
+    }
+
+    #[test]
+    fn clamped_box_stays_within_the_frame_and_the_bounds() {
+        let far = FrameBox {
             cx: -5.0,
             cy: 700.0,
             w: 3.0,
             h: 900.0,
-        }
-        .clamped(640, 360, 10.0);
-        assert_eq!(
-            c,
-            CenterBox {
-                cx: 0.0,
-                cy: 360.0,
-                w: 10.0,
-                h: 360.0
-            }
-        );
-        let tiny = CenterBox {
-            cx: 1.0,
-            cy: 1.0,
-            w: 5.0,
-            h: 5.0,
-        }
-        .clamped(4, 300, 10.0);
-        assert_eq!((tiny.w, tiny.h), (4.0, 10.0));
+        };
+
+        let clamped = far.clamped(640, 360, 10.0);
+        let in_tiny_frame = far.clamped(4, 300, 10.0);
+
+        let expected = FrameBox {
+            cx: 0.0,
+            cy: 360.0,
+            w: 10.0,
+            h: 360.0,
+        };
+        assert_eq!(clamped, expected);
+        assert_eq!((in_tiny_frame.w, in_tiny_frame.h), (4.0, 300.0));
     }
 }

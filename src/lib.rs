@@ -23,20 +23,13 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-mod adaptive;
 pub mod bbox;
 pub mod config;
-mod correction;
-pub mod crop;
 pub mod error;
-mod extent;
 pub mod flight;
 pub mod frame;
 pub mod model;
 pub mod net;
-mod online;
-pub mod scratch;
-mod select;
 #[cfg(feature = "source")]
 pub mod source;
 pub mod stages;
@@ -51,4 +44,4 @@ pub use kernels::Isa;
 pub use kernels::par::Cores;
 pub use model::{Model, Precision};
 pub use stages::Stages;
-pub use tracker::{SearchRegion, Track, Tracker, TrackerOptions};
+pub use tracker::{SearchRegion, Track, Tracker, TrackerOptions, crop};

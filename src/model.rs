@@ -11,9 +11,7 @@ use kernels::quant::Quantization;
 use kernels::{Isa, Size};
 use std::path::Path;
 use std::sync::Arc;
-use weights_format::{
-    Architecture, EncoderPosition, Header, InputNormalization, Layer, LayerKind, Weights,
-};
+use weights_format::{Architecture, Header, InputNormalization, Layer, LayerKind, Weights};
 
 /// A model that trackers share: cloning it is cheap.
 #[derive(Clone, Debug)]
@@ -70,9 +68,8 @@ impl Precision {
 #[derive(Debug)]
 pub(crate) struct Layers {
     pub backbone: Backbone,
-    pub encoder: Dr, // before the neck
+    pub encoder: Dr,
     pub neck: Neck,
-    pub encoder_after_neck: Dr,
     pub head: Head,
 }
 
@@ -254,14 +251,7 @@ struct Builder<'a> {
 
 impl Builder<'_> {
     fn layers(&self) -> Layers {
-        let position = self.weights.header.architecture.encoder.map(|e| e.position);
-        let encoder = |at| {
-            if position == Some(at) {
-                self.encoder()
-            } else {
-                Dr::default()
-            }
-        };
+        let encoder = self.weights.header.architecture.encoder;
         Layers {
             backbone: Backbone {
                 conv1: self.first_conv(),
@@ -270,14 +260,15 @@ impl Builder<'_> {
                 conv4: self.conv("backbone.conv4"),
                 conv5: self.conv("backbone.conv5"),
             },
-            encoder: encoder(EncoderPosition::BeforeNeck),
+            encoder: Dr {
+                conv: encoder.map(|_| self.conv("dr.e2.0")),
+            },
             neck: Neck {
                 template_cls: self.conv("neck.template_cls"),
                 template_reg: self.conv("neck.template_reg"),
                 search_cls: self.conv("neck.search_cls"),
                 search_reg: self.conv("neck.search_reg"),
             },
-            encoder_after_neck: encoder(EncoderPosition::AfterNeck),
             head: Head {
                 cls: ["head.cls1", "head.cls2", "head.cls3"].map(|name| self.conv(name)),
                 reg: ["head.reg1", "head.reg2", "head.reg3"].map(|name| self.conv(name)),
@@ -285,30 +276,6 @@ impl Builder<'_> {
                 centerness: self.conv("head.centerness"),
                 offsets: self.conv("head.offsets"),
             },
-        }
-    }
-
-    /// E2's convolutions, shared or one set per branch.
-    fn encoder(&self) -> Dr {
-        let convs = |prefix: &str| -> Vec<Conv> {
-            let names = self
-                .specs
-                .iter()
-                .map(|s| &s.name)
-                .filter(|name| name.starts_with(prefix));
-            names.map(|name| self.conv(name)).collect()
-        };
-        let shared = convs("dr.e2.");
-        if shared.is_empty() {
-            Dr {
-                template: convs("dr.e2_template."),
-                search: Some(convs("dr.e2_search.")),
-            }
-        } else {
-            Dr {
-                template: shared,
-                search: None,
-            }
         }
     }
 

@@ -1,14 +1,14 @@
-//! The forward pass at odd widths, with every kind of encoder and at other crop sizes, against naive `f64` loops; and
-//! the backbone's translation identity.
+//! The forward pass against naive `f64` loops: odd widths, every encoder, other crop sizes.
+//! Also the backbone's translation identity.
 
 use kernels::conv::Algorithm;
 use kernels::{Isa, Size, reference};
 use track_cpu::Model;
 use track_cpu::model::conv_shape;
 use track_cpu::net::Network;
-use weights_format::{Architecture, Encoder, EncoderPosition, Layer, Weights, Widths};
+use weights_format::{Architecture, Encoder, Layer, Weights, Widths};
 
-/// A picture of `side` x `side` that has edges and no symmetry.
+/// A picture of `side` x `side` pixels with edges and without symmetry.
 fn picture(side: usize) -> Vec<u8> {
     let value = |i: usize| {
         let (y, x, c) = (i / 3 / side, i / 3 % side, i % 3);
@@ -22,7 +22,7 @@ fn picture(side: usize) -> Vec<u8> {
     (0..side * side * 3).map(value).collect()
 }
 
-/// A map in the naive network.
+/// A map of the naive network.
 #[derive(Clone)]
 struct Map {
     values: Vec<f32>,
@@ -76,32 +76,16 @@ impl Naive<'_> {
         names.iter().fold(pool2, |map, name| self.conv(name, &map))
     }
 
-    fn encode(&self, branch: &str, position: EncoderPosition, from: Map) -> Map {
-        let Some(encoder) = self
-            .weights
-            .header
-            .architecture
-            .encoder
-            .filter(|e| e.position == position)
-        else {
-            return from;
-        };
-        let prefix = if encoder.shared {
-            "dr.e2".to_string()
-        } else {
-            format!("dr.e2_{branch}")
-        };
-        (0..encoder.layers).fold(from, |map, i| self.conv(&format!("{prefix}.{i}"), &map))
+    fn encode(&self, from: Map) -> Map {
+        match self.weights.header.architecture.encoder {
+            Some(_) => self.conv("dr.e2.0", &from),
+            None => from,
+        }
     }
 
     fn features(&self, branch: &str, task: &str, crop: &[u8], side: usize) -> Map {
-        let features = self.encode(
-            branch,
-            EncoderPosition::BeforeNeck,
-            self.backbone(crop, side),
-        );
-        let neck = self.conv(&format!("neck.{branch}_{task}"), &features);
-        self.encode(branch, EncoderPosition::AfterNeck, neck)
+        let features = self.encode(self.backbone(crop, side));
+        self.conv(&format!("neck.{branch}_{task}"), &features)
     }
 
     fn tower(&self, task: &str, template: &[u8], search: &[u8]) -> Map {
@@ -151,7 +135,8 @@ impl Naive<'_> {
 fn check(architecture: Architecture) {
     architecture.check().unwrap();
     let mut weights = Weights::random(architecture, 5);
-    // Pixels of 0..255 blow random weights up; the normalization brings them down, and is tested on the way.
+    // Pixels of 0..255 blow random weights up. The normalization brings them down, which also
+    // tests the normalization.
     weights.header.input.mean = [100.0, 110.0, 120.0];
     weights.header.input.std = [50.0, 60.0, 70.0];
     let normalized = {
@@ -212,54 +197,26 @@ const WIDTHS: Widths = Widths {
 };
 
 #[test]
-fn without_encoder() {
+fn network_without_encoder_equals_the_naive_one() {
     check(Architecture::new(WIDTHS, None));
 }
 
 #[test]
-fn with_every_kind_of_encoder() {
+fn network_with_any_encoder_equals_the_naive_one() {
     let standard = Encoder::standard(6);
-    check(Architecture::new(WIDTHS, Some(standard)));
-    check(Architecture::new(
-        WIDTHS,
-        Some(Encoder {
-            kernel: 1,
-            relu: false,
-            width: 3,
-            ..standard
-        }),
-    ));
-    check(Architecture::new(
-        WIDTHS,
-        Some(Encoder {
-            layers: 2,
-            shared: false,
-            ..standard
-        }),
-    ));
-    let widths = Widths {
-        neck_reg: 7,
-        ..WIDTHS
-    };
-    let after = Encoder {
-        position: EncoderPosition::AfterNeck,
-        width: 7,
+    let linear = Encoder {
+        kernel: 1,
+        relu: false,
+        width: 3,
         ..standard
     };
-    check(Architecture::new(widths, Some(after)));
-    check(Architecture::new(
-        widths,
-        Some(Encoder {
-            layers: 2,
-            shared: false,
-            width: 4,
-            ..after
-        }),
-    ));
+    for encoder in [standard, linear] {
+        check(Architecture::new(WIDTHS, Some(encoder)));
+    }
 }
 
 #[test]
-fn at_other_crop_sizes() {
+fn network_at_other_crop_sizes_equals_the_naive_one() {
     for (template_size, search_size) in [(127, 335), (127, 302), (110, 233)] {
         check(Architecture {
             template_size,
@@ -270,8 +227,9 @@ fn at_other_crop_sizes() {
 }
 
 #[test]
-fn backbone_features_move_with_the_picture() {
-    // spec section 1.2: no padding anywhere, so a crop's features are a part of the picture's, every 8 pixels
+fn features_of_a_shifted_crop_are_the_shifted_features() {
+    // Without padding a crop's features are a part of the picture's, every 8 pixels
+    // (docs/method.md, section 1.2).
     let weights = Weights::random(Architecture::new(WIDTHS, None), 6);
     let search = picture(303);
     for isa in Isa::available() {

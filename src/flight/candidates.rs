@@ -1,8 +1,8 @@
 //! The best places of a score map, one per object.
 
-use crate::bbox::{BBox, CenterBox};
+use crate::bbox::{BBox, CropBox};
 use crate::net::Outputs;
-use crate::select::{Choice, Selector};
+use crate::tracker::{Choice, Selector};
 
 /// Most candidates kept of one search.
 pub const MAX_CANDIDATES: usize = 5;
@@ -26,7 +26,7 @@ pub(crate) struct Peak {
     /// Row-major index of the cell.
     pub cell: usize,
     /// Its box in crop pixels.
-    pub bbox: CenterBox,
+    pub bbox: CropBox,
     /// Score times centerness.
     pub score: f64,
     /// What the online filter says there; 0 without one.
@@ -62,12 +62,7 @@ pub(crate) fn find(
                 continue;
             }
             let bbox = selector.decode(cell / n, cell % n, ltrb);
-            let corner = bbox.corner();
-            if corner.is_finite()
-                && found
-                    .iter()
-                    .all(|f| f.bbox.corner().iou(&corner) < SAME_OBJECT)
-            {
+            if bbox.is_finite() && found.iter().all(|f| f.bbox.iou(&bbox) < SAME_OBJECT) {
                 best = Some(Peak {
                     cell,
                     bbox,
@@ -88,6 +83,7 @@ pub(crate) fn find(
 mod tests {
     use super::*;
     use crate::config::TrackConfig;
+    use crate::tracker::CropSize;
     use weights_format::{Architecture, Widths};
 
     #[test]
@@ -104,7 +100,8 @@ mod tests {
             window_influence: 0.0,
             ..TrackConfig::default()
         };
-        let choice = selector.choose(&outputs, &[], [25.0; 2], &config).unwrap();
+        let previous = CropSize { w: 25.0, h: 25.0 };
+        let choice = selector.choose(&outputs, &[], previous, &config).unwrap();
         let mut found = Vec::new();
         find(&outputs, &selector, &[], &choice, &mut found);
         let scores: Vec<f64> = found.iter().map(|c| c.score).collect();

@@ -1,11 +1,9 @@
 //! What speaks for and against a chosen box: numbers from the response, the identity-related features and the motion.
 
 use super::candidates::{self, Candidate, MAX_CANDIDATES, Peak};
-use crate::bbox::{BBox, CenterBox};
-use crate::net::Network;
-use crate::scratch::Map;
-use crate::select::Selector;
-use crate::tracker::Seen;
+use crate::bbox::{CenterBox, CropBox};
+use crate::net::{Map, Network};
+use crate::tracker::{Seen, Selector};
 
 /// Pieces of evidence.
 pub const COUNT: usize = 15;
@@ -121,7 +119,6 @@ impl Witness {
         let outputs = network.outputs();
         let (template, search) = network.identity();
         search.channel_means(&mut self.mean);
-        let view = View { seen, selector };
         let sharpness = sharpness(&outputs.score);
 
         candidates::find(outputs, selector, response, &choice, &mut self.peaks);
@@ -129,7 +126,7 @@ impl Witness {
         // The chosen one last, so that `window` holds its features.
         for peak in peaks.iter().rev() {
             let (identity, likeness) = self.similarity(template, search, selector, &peak.bbox);
-            let bbox = view.in_frame(&peak.bbox);
+            let bbox = seen.placement.to_frame(&peak.bbox);
             let (score, similarity) = (peak.score as f32, identity as f32);
             self.candidates.push(Candidate {
                 bbox: bbox.corner(),
@@ -224,7 +221,7 @@ impl Witness {
         template: &Map,
         search: &Map,
         selector: &Selector,
-        bbox: &CenterBox,
+        bbox: &CropBox,
     ) -> (f64, f64) {
         let (side, reach) = (template.size().h, search.size().h);
         if side == 0 || reach < side || template.channels() != search.channels() {
@@ -289,28 +286,6 @@ fn cosine(a: &[f32], b: &[f32]) -> f64 {
     f64::from(dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(1e-12))
 }
 
-/// From crop pixels of a search to frame pixels.
-struct View<'a> {
-    seen: &'a Seen,
-    selector: &'a Selector,
-}
-
-impl View<'_> {
-    fn in_frame(&self, bbox: &CenterBox) -> CenterBox {
-        let (scale, middle) = (self.seen.scale, self.selector.geometry().1);
-        let position = |around: f32, crop: f32| {
-            (f64::from(around) + (f64::from(crop) - middle) / scale) as f32
-        };
-        let size = |crop: f32| (f64::from(crop) / scale) as f32;
-        CenterBox {
-            cx: position(self.seen.around.cx, bbox.cx),
-            cy: position(self.seen.around.cy, bbox.cy),
-            w: size(bbox.w),
-            h: size(bbox.h),
-        }
-    }
-}
-
 pub(crate) fn log_odds(p: f64) -> f64 {
     let p = p.clamp(1e-4, 1.0 - 1e-4);
     (p / (1.0 - p)).ln()
@@ -333,15 +308,12 @@ fn sharpness(scores: &[f32]) -> f64 {
 fn agreement(outputs: &crate::net::Outputs, selector: &Selector, peak: &Peak) -> f64 {
     let n = selector.side();
     let (row, column) = (peak.cell / n, peak.cell % n);
-    let chosen = peak.bbox.corner();
     let (mut sum, mut count) = (0.0, 0.0);
     for y in row.saturating_sub(1)..=(row + 1).min(n - 1) {
         for x in column.saturating_sub(1)..=(column + 1).min(n - 1) {
             if (y, x) != (row, column) {
-                let bbox: BBox = selector
-                    .decode(y, x, &outputs.ltrb[4 * (y * n + x)..][..4])
-                    .corner();
-                sum += f64::from(bbox.iou(&chosen));
+                let bbox = selector.decode(y, x, &outputs.ltrb[4 * (y * n + x)..][..4]);
+                sum += f64::from(bbox.iou(&peak.bbox));
                 count += 1.0;
             }
         }
@@ -350,9 +322,10 @@ fn agreement(outputs: &crate::net::Outputs, selector: &Selector, peak: &Peak) ->
 }
 
 /// `ln` of the change of size times the change of aspect, 0 for none.
-fn shape(bbox: &CenterBox, seen: &Seen) -> f64 {
-    let ratio = |new: f32, old: f32| f64::from(new) / (f64::from(old) * seen.scale).max(1e-6);
-    let (w, h) = (ratio(bbox.w, seen.around.w), ratio(bbox.h, seen.around.h));
+fn shape(bbox: &CropBox, seen: &Seen) -> f64 {
+    let ratio = |new: f32, old: f64| f64::from(new) / old.max(1e-6);
+    let old = seen.placement.size_in_crop(&seen.around);
+    let (w, h) = (ratio(bbox.w, old.w), ratio(bbox.h, old.h));
     let (size, aspect) = (
         (w * h).max(1e-6).sqrt().ln().abs(),
         (w / h.max(1e-6)).max(1e-6).ln().abs(),

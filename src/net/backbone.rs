@@ -1,9 +1,11 @@
 //! The backbone: AlexNet without padding. `[127, 127, 3] -> [6, 6, C]`, `[303, 303, 3] -> [28, 28, C]`.
 
-use crate::scratch::{Context, Map};
+use super::context::Context;
+use super::map::Map;
 use kernels::conv::Conv;
 use kernels::par::Threads;
 
+/// The backbone's convolutions.
 #[derive(Debug)]
 pub(crate) struct Backbone {
     pub conv1: Conv,
@@ -13,7 +15,7 @@ pub(crate) struct Backbone {
     pub conv5: Conv,
 }
 
-/// What each layer leaves behind; sides for a search crop of 303.
+/// The output of each layer; sides for a search crop of 303.
 #[derive(Debug, Default)]
 pub(crate) struct BackboneMaps {
     pub crop: Map,  // [303, 303, 3]
@@ -25,35 +27,19 @@ pub(crate) struct BackboneMaps {
 }
 
 impl Backbone {
+    /// Runs on `maps.crop` and leaves the features in `maps.conv5`.
     pub(crate) fn run(&self, context: &mut Context, threads: &Threads, maps: &mut BackboneMaps) {
-        context.conv_pool_for(
-            threads,
-            &self.conv1,
-            &self.conv2,
-            &maps.crop,
-            &mut maps.pool1,
-        );
-        context.conv_pool_for(
-            threads,
-            &self.conv2,
-            &self.conv3,
-            &maps.pool1,
-            &mut maps.pool2,
-        );
-        context.conv_for(
-            threads,
-            &self.conv3,
-            &self.conv4,
-            &maps.pool2,
-            &mut maps.conv3,
-        );
-        context.conv_for(
-            threads,
-            &self.conv4,
-            &self.conv5,
-            &maps.conv3,
-            &mut maps.conv4,
-        );
-        context.conv(threads, &self.conv5, &maps.conv4, &mut maps.conv5);
+        let Backbone {
+            conv1,
+            conv2,
+            conv3,
+            conv4,
+            conv5,
+        } = self;
+        context.conv_pool_for(threads, conv1, conv2, &maps.crop, &mut maps.pool1);
+        context.conv_pool_for(threads, conv2, conv3, &maps.pool1, &mut maps.pool2);
+        context.conv_for(threads, conv3, conv4, &maps.pool2, &mut maps.conv3);
+        context.conv_for(threads, conv4, conv5, &maps.conv3, &mut maps.conv4);
+        context.conv(threads, conv5, &maps.conv4, &mut maps.conv5);
     }
 }

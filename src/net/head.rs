@@ -1,13 +1,16 @@
-//! The head: a tower of three 3x3 convolutions per task, then 1x1 outputs. `2 x [23, 23, N] -> [17, 17, 1 + 1 + 4]`.
+//! The head: a tower of three 3x3 convolutions per task, then 1x1 outputs.
+//!
+//! `2 x [23, 23, N] -> [17, 17, 1 + 1 + 4]`.
 
-use super::Outputs;
-use crate::net::neck::NeckMaps;
-use crate::scratch::{Context, Map};
+use super::context::{Context, Contexts};
+use super::map::Map;
+use super::neck::TaskMaps;
 use kernels::conv::Conv;
 use kernels::par::Threads;
 use kernels::pointwise::{scaled_exp, sigmoid};
 use weights_format::Architecture;
 
+/// The head's convolutions.
 #[derive(Debug)]
 pub(crate) struct Head {
     pub cls: [Conv; 3],
@@ -17,7 +20,7 @@ pub(crate) struct Head {
     pub offsets: Conv,
 }
 
-/// What each layer leaves behind; the last three are logits.
+/// The output of each layer; the last three are logits.
 #[derive(Debug, Default)]
 pub(crate) struct HeadMaps {
     pub cls: [Map; 3],   // sides 21, 19, 17
@@ -27,12 +30,23 @@ pub(crate) struct HeadMaps {
     pub offsets: Map,    // [17, 17, 4]
 }
 
+/// What the network says about every cell of the score map, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outputs {
+    /// Classification score times centerness, in `[0, 1]`: `[cells]`.
+    pub score: Vec<f32>,
+    /// Distances from the cell's center to the box's left, top, right and bottom edge in crop
+    /// pixels: `[cells, 4]`.
+    pub ltrb: Vec<f32>,
+}
+
 impl Head {
+    /// Runs on the correlations of both tasks, side by side.
     pub(crate) fn run(
         &self,
-        contexts: [&mut Context; 2],
+        contexts: &mut Contexts,
         threads: &Threads,
-        response: &NeckMaps,
+        response: &TaskMaps,
         maps: &mut HeadMaps,
         outputs: &mut Outputs,
     ) {
@@ -44,7 +58,7 @@ impl Head {
             offsets,
         } = maps;
         threads.both(
-            contexts,
+            contexts.both(),
             |threads, context| {
                 tower(&self.cls, context, threads, &response.cls, cls);
                 context.conv(threads, &self.score, &cls[2], score);
@@ -56,10 +70,11 @@ impl Head {
             },
         );
 
+        // From logits to a score in [0, 1] and to distances in crop pixels.
         outputs.ltrb.resize(maps.offsets.values().len(), 0.0);
-        outputs.score.resize(maps.score.values().len(), 0.0);
         outputs.ltrb.copy_from_slice(maps.offsets.values());
         scaled_exp(&mut outputs.ltrb, Architecture::TOTAL_STRIDE as f32);
+        outputs.score.resize(maps.score.values().len(), 0.0);
         let logits = maps.score.values().iter().zip(maps.centerness.values());
         for (value, (score, centerness)) in outputs.score.iter_mut().zip(logits) {
             *value = sigmoid(*score) * sigmoid(*centerness);
@@ -67,6 +82,7 @@ impl Head {
     }
 }
 
+/// Runs one task's three convolutions.
 fn tower(
     convs: &[Conv; 3],
     context: &mut Context,

@@ -1,67 +1,71 @@
 //! The forward pass, written out: template crop -> [`TemplateFeatures`], search crop -> [`Outputs`].
 //!
 //! ```text
-//! template crop -> backbone -> dr (E2) -> neck -> TemplateFeatures        once per target
+//! template crop -> backbone -> dr (E2) -> neck -> TemplateFeatures           once per target
 //! search crop   -> backbone -> dr (E2) -> neck -> xcorr -> head -> Outputs   once per frame
 //! ```
 //!
-//! Source: paper section III, spec sections 1.2, 1.3, 1.6, 1.7.
+//! | file | what happens there |
+//! |---|---|
+//! | `mod.rs` | both passes, stage by stage: start at [`Network::search`] |
+//! | `backbone.rs`, `dr.rs`, `neck.rs`, `head.rs` | the parts: their convolutions and their maps |
+//! | `template.rs` | the cached template and its update |
+//! | `map.rs`, `context.rs` | one map of activations; one layer call |
+//! | `buffers.rs` | the buffers of all parts |
+//!
+//! Source: paper section III; docs/method.md, section 1.
 
 pub(crate) mod backbone;
+mod buffers;
+mod context;
 pub(crate) mod dr;
 pub(crate) mod head;
+mod map;
 pub(crate) mod neck;
 mod template;
 
-use crate::model::{Layers, Model};
-use crate::scratch::{Context, Map, Scratch};
+use crate::model::Model;
 use crate::stages::{Lap, Stages};
-use dr::DrMaps;
+use buffers::Buffers;
+use context::Contexts;
 use kernels::par::Threads;
-use neck::NeckMaps;
+use neck::TaskMaps;
 use std::collections::HashMap;
 use template::Template;
-use weights_format::{Architecture, EncoderPosition};
+use weights_format::LayerKind;
 
+pub use head::Outputs;
+pub use map::Map;
 pub use template::TemplateFeatures;
-
-/// What the network says about every cell of the score map, row by row.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Outputs {
-    /// Classification score times centerness, in `[0, 1]`: `[cells]`.
-    pub score: Vec<f32>,
-    /// Distances from the cell's center to the box's left, top, right and bottom edge in crop pixels: `[cells, 4]`.
-    pub ltrb: Vec<f32>,
-}
 
 /// The network of one model with its buffers and threads, ready to run.
 #[derive(Debug)]
 pub struct Network {
     model: Model,
     threads: Threads,
-    scratch: Scratch,
+    buffers: Buffers,
     template: Template,
     outputs: Outputs,
 }
 
 impl Network {
-    /// A network without a template; `threads` as [`Threads::new`] takes it.
+    /// A network without a template; `threads` as in [`Threads::new`].
     pub fn new(model: Model, threads: usize) -> Network {
         Network::with_threads(model, Threads::new(threads))
     }
 
-    /// A network without a template on given threads.
+    /// A network without a template on the given threads.
     pub fn with_threads(model: Model, threads: Threads) -> Network {
         let cells = model.architecture().score_size().pow(2);
         let outputs = Outputs {
             score: vec![0.0; cells],
             ltrb: vec![0.0; 4 * cells],
         };
-        let scratch = Scratch::new(model.isa());
+        let buffers = Buffers::new(model.isa());
         Network {
             model,
             threads,
-            scratch,
+            buffers,
             template: Template::default(),
             outputs,
         }
@@ -77,138 +81,137 @@ impl Network {
         &self.threads
     }
 
-    /// Every intermediate map that the last pass left, by the layer's name: for tests and diagnosis. conv1 and conv2 leave only what is pooled.
+    /// Every intermediate map of the last pass by its layer's name: for tests and diagnosis.
+    ///
+    /// conv1 and conv2 are fused with their pools and leave only the pooled maps.
     pub fn maps(&self) -> impl Iterator<Item = (&'static str, &Map)> {
         let TemplateFeatures { cls, reg, .. } = self.template.features();
         let template = [("neck.template_cls", cls), ("neck.template_reg", reg)];
-        self.scratch.maps().chain(template)
+        self.buffers.maps().chain(template)
     }
 
     /// The identity-related features of the template and of the last search region.
     pub(crate) fn identity(&self) -> (&Map, &Map) {
-        let Scratch {
+        let Buffers {
             backbone, encoded, ..
-        } = &self.scratch;
+        } = &self.buffers;
+        let encoder = &self.model.layers().encoder;
         (
             &self.template.features().identity,
-            self.model
-                .layers()
-                .encoder
-                .search_features(&backbone.conv5, encoded),
+            encoder.output(&backbone.conv5, encoded),
         )
     }
 
-    /// The neck's features for classification: the template's and those of the last search region.
+    /// The neck's classification features of the template and of the last search region.
     pub(crate) fn classification(&self) -> (&Map, &Map) {
-        (&self.template.features().cls, &self.scratch.neck.cls)
+        (&self.template.features().cls, &self.buffers.neck.cls)
     }
 
-    /// What the last pass said.
+    /// The outputs of the last search pass.
     pub(crate) fn outputs(&self) -> &Outputs {
         &self.outputs
     }
 
-    /// The input of every convolution that may run on bytes, as the last pass left it, by the convolution's name: what a
-    /// calibration measures. The outputs of the head stay in `f32` and are not among them.
+    /// The input of every convolution that may run on bytes, by the convolution's name.
+    ///
+    /// A calibration measures these maps. The first convolution reads pixels and needs no range.
+    /// The three output convolutions always run in `f32`. Maps that hold bytes are left out.
     pub fn inputs(&self) -> Vec<(String, &Map)> {
-        let architecture = self.model.architecture();
+        let layers = self.model.architecture().layers();
         let maps: HashMap<_, _> = self.maps().collect();
-        let layers = architecture.layers().into_iter().map(|layer| layer.name);
-        layers
-            .filter_map(|name| input_map(architecture, &name).map(|input| (name, maps[input])))
-            .filter(|(_, map)| !map.values().is_empty())
-            .collect()
+        let mut inputs = Vec::new();
+        for layer in layers.iter().filter(|layer| layer.kind == LayerKind::Conv) {
+            let is_read = layers
+                .iter()
+                .any(|other| other.inputs.contains(&layer.name));
+            let [input] = &layer.inputs[..] else { continue };
+            if let Some(map) = maps.get(input.as_str())
+                && is_read
+                && !map.values().is_empty()
+            {
+                inputs.push((layer.name.clone(), *map));
+            }
+        }
+        inputs
     }
 
     /// Computes and keeps the features of a template crop (`[size, size, 3]`, BGR).
     ///
-    /// Panics if the crop has not the model's size.
+    /// Panics if the crop does not have the model's size.
     pub fn set_template(&mut self, crop: &[u8]) {
         let Network {
             model,
             threads,
-            scratch,
+            buffers,
             template,
             ..
         } = self;
         threads.enter(|| {
             let layers = model.layers();
-            scratch.set_crop(
-                crop,
-                model.architecture().template_size,
-                &layers.backbone.conv1,
-            );
-            let Scratch {
-                contexts: [context, _],
+            let side = model.architecture().template_size;
+            buffers.set_crop(crop, side, &layers.backbone.conv1);
+            let Buffers {
+                contexts,
                 backbone,
                 encoded,
-                encoded_neck,
-                template_neck: neck,
+                template_neck,
                 ..
-            } = scratch;
+            } = buffers;
+            let context = &mut contexts.cls;
             layers.backbone.run(context, threads, backbone);
             let features = layers
                 .encoder
-                .template(context, threads, &backbone.conv5, encoded);
-            let maps = template_maps(layers, context, threads, features, neck, encoded_neck);
-            template.set(features, maps);
+                .run(context, threads, &backbone.conv5, encoded);
+            layers
+                .neck
+                .template(context, threads, features, template_neck);
+            template.set(features, template_neck);
         });
     }
 
-    /// Lets the template take in how the target looks in the last search region, where its window of the identity-related
-    /// features starts at (`row`, `column`). `share` is what such looks may have of the template in the end.
+    /// Blends the target's look in the last search region into the template.
     ///
-    /// A search crop has its target at nearly the same scale as a template crop, so that its features serve and no other pass is
-    /// needed; only the neck's convolutions run, on 6x6 cells. Nothing happens where encoders have other weights for
-    /// templates, since features then differ.
+    /// The template's window of the identity-related features starts at (`row`, `column`).
+    /// `share` is the limit that such looks approach as a part of the template.
+    ///
+    /// A search crop shows its target at nearly the scale of a template crop, so its features
+    /// serve as they are. Only the neck's convolutions run, on 6x6 cells.
     pub(crate) fn update_template(&mut self, row: usize, column: usize, share: f32) {
         let Network {
             model,
             threads,
-            scratch,
+            buffers,
             template,
             ..
         } = self;
         let layers = model.layers();
-        if !(layers.encoder.is_shared() && layers.encoder_after_neck.is_shared()) {
-            return;
-        }
         threads.enter(|| {
-            let Scratch {
-                contexts: [context, _],
+            let Buffers {
+                contexts,
                 backbone,
                 encoded,
-                encoded_neck,
                 template_neck,
                 window,
                 ..
-            } = scratch;
-            let features = layers.encoder.search_features(&backbone.conv5, encoded);
+            } = buffers;
+            let features = layers.encoder.output(&backbone.conv5, encoded);
             window.copy_window(features, template.features().identity.size(), row, column);
-            let maps = template_maps(
-                layers,
-                context,
-                threads,
-                window,
-                template_neck,
-                encoded_neck,
-            );
-            template.add(maps, share);
+            layers
+                .neck
+                .template(&mut contexts.cls, threads, window, template_neck);
+            template.add(template_neck, share);
         });
     }
 
     /// Runs a search crop (`[size, size, 3]`, BGR) against the template features.
     ///
-    /// Panics if the crop has not the model's size or no template was set.
+    /// Panics if the crop does not have the model's size or no template was set.
     pub fn search(&mut self, crop: &[u8]) -> &Outputs {
-        self.search_timed(
-            crop,
-            self.model.architecture().search_size,
-            &mut Stages::default(),
-        )
+        let side = self.model.architecture().search_size;
+        self.search_timed(crop, side, &mut Stages::default())
     }
 
-    /// As [`search`](Self::search) on a crop of `side` pixels, noting the time of every stage.
+    /// Runs a search crop of `side` pixels and notes the time of every stage.
     pub(crate) fn search_timed(
         &mut self,
         crop: &[u8],
@@ -218,7 +221,7 @@ impl Network {
         let Network {
             model,
             threads,
-            scratch,
+            buffers,
             template,
             outputs,
         } = self;
@@ -230,99 +233,53 @@ impl Network {
         threads.enter(|| {
             let mut lap = Lap::start();
             let layers = model.layers();
-            scratch.set_crop(crop, side, &layers.backbone.conv1);
-            let Scratch {
+            buffers.set_crop(crop, side, &layers.backbone.conv1);
+            let Buffers {
                 contexts,
                 backbone,
                 encoded,
-                encoded_neck,
                 neck,
                 response,
                 head,
                 ..
-            } = scratch;
-            let [context, other] = contexts;
+            } = buffers;
 
-            layers.backbone.run(context, threads, backbone);
+            layers.backbone.run(&mut contexts.cls, threads, backbone);
             stages.backbone = lap.lap();
 
+            let features = &backbone.conv5;
             let features = layers
                 .encoder
-                .search(context, threads, &backbone.conv5, encoded);
+                .run(&mut contexts.cls, threads, features, encoded);
             stages.dr = lap.lap();
 
-            layers
-                .neck
-                .search([context, other], threads, features, neck);
+            layers.neck.search(contexts, threads, features, neck);
             stages.neck = lap.lap();
 
-            let [cls, reg] = encoded_neck;
-            let cls = layers
-                .encoder_after_neck
-                .search(context, threads, &neck.cls, cls);
-            let reg = layers
-                .encoder_after_neck
-                .search(context, threads, &neck.reg, reg);
-            stages.dr += lap.lap();
-
-            threads.both(
-                [context, other],
-                |threads, context| context.xcorr(threads, cls, &template.cls, &mut response.cls),
-                |threads, context| context.xcorr(threads, reg, &template.reg, &mut response.reg),
-            );
+            correlate(contexts, threads, neck, template, response);
             stages.xcorr = lap.lap();
 
-            layers
-                .head
-                .run([context, other], threads, response, head, outputs);
+            layers.head.run(contexts, threads, response, head, outputs);
             stages.head = lap.lap();
         });
         &mut self.outputs
     }
 }
 
-/// From the identity-related features of a template's window to what is correlated, for `cls` and `reg`.
-fn template_maps<'a>(
-    layers: &Layers,
-    context: &mut Context,
+/// Correlates the search region's neck features with the template's, both tasks side by side.
+fn correlate(
+    contexts: &mut Contexts,
     threads: &Threads,
-    features: &Map,
-    neck: &'a mut NeckMaps,
-    [cls, reg]: &'a mut [DrMaps; 2],
-) -> [&'a Map; 2] {
-    layers.neck.template(context, threads, features, neck);
-    let encoder = &layers.encoder_after_neck;
-    [
-        encoder.template(context, threads, &neck.cls, cls),
-        encoder.template(context, threads, &neck.reg, reg),
-    ]
-}
-
-/// Which map the convolution `name` reads.
-fn input_map(architecture: &Architecture, name: &str) -> Option<&'static str> {
-    let before_neck = architecture
-        .encoder
-        .filter(|e| e.position == EncoderPosition::BeforeNeck);
-    match name {
-        "backbone.conv2" => Some("backbone.pool1"),
-        "backbone.conv3" => Some("backbone.pool2"),
-        "backbone.conv4" => Some("backbone.conv3"),
-        "backbone.conv5" => Some("backbone.conv4"),
-        "dr.e2.0" | "dr.e2_template.0" | "dr.e2_search.0" => before_neck.map(|_| "backbone.conv5"),
-        "dr.e2.1" | "dr.e2_template.1" | "dr.e2_search.1" => before_neck.map(|_| "dr.e2.0"),
-        "neck.template_cls" | "neck.template_reg" | "neck.search_cls" | "neck.search_reg" => {
-            Some(before_neck.map_or("backbone.conv5", |e| {
-                if e.layers == 2 { "dr.e2.1" } else { "dr.e2.0" }
-            }))
-        }
-        "head.cls1" => Some("correlation.cls"),
-        "head.cls2" => Some("head.cls1"),
-        "head.cls3" => Some("head.cls2"),
-        "head.reg1" => Some("correlation.reg"),
-        "head.reg2" => Some("head.reg1"),
-        "head.reg3" => Some("head.reg2"),
-        _ => None,
-    }
+    neck: &TaskMaps,
+    template: &TemplateFeatures,
+    response: &mut TaskMaps,
+) {
+    let TaskMaps { cls, reg } = response;
+    threads.both(
+        contexts.both(),
+        |threads, context| context.xcorr(threads, &neck.cls, &template.cls, cls),
+        |threads, context| context.xcorr(threads, &neck.reg, &template.reg, reg),
+    );
 }
 
 #[cfg(test)]

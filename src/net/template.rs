@@ -1,64 +1,63 @@
-//! What the target looks like: the first frame's template, and beside it, as far as the model asks, the frames since.
+//! The cached template: the first frame's features and a moving average of later looks.
 //!
-//! The response is linear in the template, so a mean of templates looks for all of them at once. The first frame's part never
-//! goes: it is the only one that is known to show the target.
+//! The response is linear in the template, so one averaged template searches for all looks at
+//! once. The first frame's part never fades: it is the only look known to show the target.
 
-use crate::scratch::Map;
+use super::map::Map;
+use super::neck::TaskMaps;
 
-/// The template's neck features, correlated with every search region.
+/// The template's features, correlated with every search region.
 #[derive(Clone, Debug, Default)]
 pub struct TemplateFeatures {
-    /// For classification: 4x4 for the standard template.
+    /// Neck features for classification: 4x4 for the standard template.
     pub cls: Map,
-    /// For regression.
+    /// Neck features for regression, of the same size.
     pub reg: Map,
-    /// Identity-related, before the neck (E2, or conv5 where there is no E2), of the first frame: 6x6 for the standard
-    /// template.
+    /// Identity-related features of the first frame: the output of E2, or of conv5 without E2;
+    /// 6x6 for the standard template.
     pub identity: Map,
 }
 
-/// Share of one frame in the looks since the first: they are forgotten over ten frames.
+/// Share of one frame in the later looks, which therefore fade over about ten frames.
 const RATE: f32 = 0.1;
 
-/// The template with its first frame's part.
+/// The template and its first frame's part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Template {
     features: TemplateFeatures,
-    first: [Map; 2], // cls and reg
+    first_cls: Map,
+    first_reg: Map,
 }
 
 impl Template {
-    /// What search regions are correlated with.
+    /// The features that search regions are correlated with.
     pub(crate) fn features(&self) -> &TemplateFeatures {
         &self.features
     }
 
-    /// Starts anew with the first frame: its identity-related features, `cls` and `reg`.
-    pub(crate) fn set(&mut self, identity: &Map, [cls, reg]: [&Map; 2]) {
+    /// Starts anew with the first frame's identity-related features and neck features.
+    pub(crate) fn set(&mut self, identity: &Map, neck: &TaskMaps) {
         self.features = TemplateFeatures {
-            cls: cls.clone(),
-            reg: reg.clone(),
+            cls: neck.cls.clone(),
+            reg: neck.reg.clone(),
             identity: identity.clone(),
         };
-        self.first = [cls.clone(), reg.clone()];
+        self.first_cls = neck.cls.clone();
+        self.first_reg = neck.reg.clone();
     }
 
-    /// Moves toward `(1 - share) * first + share * new`, so that in the end `share` of the template are later looks.
-    pub(crate) fn add(&mut self, [cls, reg]: [&Map; 2], share: f32) {
-        let [first_cls, first_reg] = &self.first;
-        for (map, first, new) in [
-            (&mut self.features.cls, first_cls, cls),
-            (&mut self.features.reg, first_reg, reg),
-        ] {
-            for ((value, first), new) in map
-                .values_mut()
-                .iter_mut()
-                .zip(first.values())
-                .zip(new.values())
-            {
-                *value += RATE * (first + share * (new - first) - *value);
-            }
-        }
+    /// Moves toward `(1 - share) * first + share * new`.
+    pub(crate) fn add(&mut self, new: &TaskMaps, share: f32) {
+        approach(&mut self.features.cls, &self.first_cls, &new.cls, share);
+        approach(&mut self.features.reg, &self.first_reg, &new.reg, share);
+    }
+}
+
+/// Moves `map` by [`RATE`] toward the mix of `first` and `new`.
+fn approach(map: &mut Map, first: &Map, new: &Map, share: f32) {
+    let looks = first.values().iter().zip(new.values());
+    for (value, (first, new)) in map.values_mut().iter_mut().zip(looks) {
+        *value += RATE * (first + share * (new - first) - *value);
     }
 }
 
@@ -73,27 +72,42 @@ mod tests {
         map
     }
 
-    #[test]
-    fn the_first_look_keeps_its_share() {
-        let mut template = Template::default();
-        template.set(&map(7.0), [&map(1.0), &map(10.0)]);
-        let cls = |template: &Template| template.features().cls.values()[0];
-        template.add([&map(3.0), &map(10.0)], 0.4);
-        assert!((cls(&template) - 1.08).abs() < 1e-6, "{}", cls(&template)); // a tenth of the way to 1.8
-        for _ in 0..200 {
-            template.add([&map(3.0), &map(10.0)], 0.4);
+    fn neck(cls: f32, reg: f32) -> TaskMaps {
+        TaskMaps {
+            cls: map(cls),
+            reg: map(reg),
         }
-        assert!((cls(&template) - 1.8).abs() < 1e-5, "{}", cls(&template));
-        assert!(
-            template
-                .features()
-                .reg
-                .values()
-                .iter()
-                .all(|v| (v - 10.0).abs() < 1e-5)
-        );
+    }
+
+    #[test]
+    fn template_after_many_looks_keeps_the_first_ones_share() {
+        let mut template = Template::default();
+        template.set(&map(7.0), &neck(1.0, 10.0));
+        let cls = |template: &Template| template.features().cls.values()[0];
+
+        template.add(&neck(3.0, 10.0), 0.4);
+        let once = cls(&template);
+        for _ in 0..200 {
+            template.add(&neck(3.0, 10.0), 0.4);
+        }
+        let often = cls(&template);
+
+        // The limit is 0.6 * 1 + 0.4 * 3 = 1.8, and one look goes a tenth of the way.
+        assert!((once - 1.08).abs() < 1e-6, "{once}");
+        assert!((often - 1.8).abs() < 1e-5, "{often}");
+        let reg = template.features().reg.values();
+        assert!(reg.iter().all(|v| (v - 10.0).abs() < 1e-5));
         assert_eq!(template.features().identity.values(), [7.0; 12]);
-        template.set(&map(7.0), [&map(1.0), &map(10.0)]);
-        assert_eq!(cls(&template), 1.0, "the new target's first look alone");
+    }
+
+    #[test]
+    fn template_set_again_forgets_the_earlier_target() {
+        let mut template = Template::default();
+        template.set(&map(7.0), &neck(1.0, 10.0));
+        template.add(&neck(3.0, 10.0), 0.4);
+
+        template.set(&map(7.0), &neck(1.0, 10.0));
+
+        assert_eq!(template.features().cls.values()[0], 1.0);
     }
 }

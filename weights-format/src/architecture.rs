@@ -1,7 +1,7 @@
-//! What the network looks like: widths, encoder, sizes; and the list of layers that follows from them.
+//! The network's architecture: widths, encoder, crop sizes, and the list of layers.
 //!
-//! Shapes, parameter counts and multiply-accumulates (MACs) are computed here and nowhere else, so that the
-//! reader, the converter, the trainer and `info` cannot disagree.
+//! Shapes, parameter counts and multiply-accumulates (MACs) are computed here and nowhere else, so
+//! that the reader, the converter, the trainer and `info` cannot disagree.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub struct Widths {
     /// `conv1` to `conv5`.
     pub backbone: [usize; 5],
-    /// Classification neck; template and search side are correlated, so they share it.
+    /// Classification neck. Template and search side are correlated, so they share the width.
     pub neck_cls: usize,
     /// Regression neck, likewise.
     pub neck_reg: usize,
@@ -25,7 +25,7 @@ impl Widths {
     /// The unpruned SiamFC++-AlexNet: 96/256/384/384/256 and 256 everywhere behind it.
     pub const FULL: Widths = Widths::uniform([96, 256, 384, 384, 256], 256);
 
-    /// Given backbone widths, one width for neck and head.
+    /// The given backbone widths, and one width for neck and head.
     pub const fn uniform(backbone: [usize; 5], n: usize) -> Widths {
         Widths {
             backbone,
@@ -36,22 +36,23 @@ impl Widths {
         }
     }
 
-    /// [`Widths::FULL`] after pruning every layer with one global `ratio` in `[0, 1)`: `floor(C * (1 - ratio))`.
+    /// [`Widths::FULL`] after pruning every layer with one global `ratio` in `[0, 1)`.
     ///
-    /// Source: paper section III-C, spec section 1.6 (reading A, chain pruning).
+    /// A layer of `C` filters keeps `floor(C * (1 - ratio))`.
+    /// Source: paper section III-C; docs/method.md, section 1.6.
     pub fn pruned(ratio: f64) -> Widths {
         let keep = |c: usize| (c as f64 * (10.0 - 10.0 * ratio) / 10.0 + 1e-9).floor() as usize;
         Widths::uniform(Widths::FULL.backbone.map(keep), keep(256))
     }
 
-    /// The ratio `r` of 0.0, 0.1 .. 0.9 for which these widths are [`Widths::pruned(r)`](Widths::pruned), if any.
+    /// The pruning ratio among 0.0, 0.1 .. 0.9 that gives these widths; `None` if there is none.
     pub fn pruning_ratio(&self) -> Option<f64> {
         (0..10)
             .map(|tenths| f64::from(tenths) / 10.0)
             .find(|&r| Widths::pruned(r) == *self)
     }
 
-    /// Every width in the order of the file: backbone, neck, classification tower, regression tower.
+    /// Every width in the file's order: backbone, neck, classification tower, regression tower.
     pub fn all(&self) -> [usize; 13] {
         let mut all = [0; 13];
         all[..5].copy_from_slice(&self.backbone);
@@ -63,39 +64,42 @@ impl Widths {
     }
 }
 
-/// Where the identity-related encoder E2 sits.
+/// Position of the identity-related encoder E2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EncoderPosition {
-    /// Between backbone and neck (the default; spec section 1.7).
+    /// Between backbone and neck.
     #[default]
     BeforeNeck,
-    /// On the neck's outputs, as the paper's Eq. 1 writes it.
+    /// On the neck's outputs, a reading of the paper's Eq. 1 that no file uses;
+    /// [`Architecture::check`] refuses it.
     AfterNeck,
 }
 
-/// The identity-related encoder E2: `layers` convolutions with "same" padding, each with bias (BN folded in).
+/// The identity-related encoder E2: a convolution with "same" padding and bias.
 ///
-/// Source: paper section III-A, spec section 1.7.
+/// Files state `layers`, `shared` and `position` with the only values that
+/// [`Architecture::check`] accepts.
+/// Source: paper section III-A; docs/method.md, section 1.7.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Encoder {
     /// Side of the square kernel: 1 or 3; padding is `kernel / 2`.
     pub kernel: usize,
-    /// How many convolutions: 1 or 2.
+    /// Number of convolutions: 1.
     pub layers: usize,
-    /// Output channels of each.
+    /// Output channels.
     pub width: usize,
-    /// Whether each ends in a ReLU.
+    /// Whether a ReLU follows.
     pub relu: bool,
-    /// One E2 for template and search branch (the default), or one each.
+    /// Whether template and search branch share one E2: true.
     pub shared: bool,
-    /// Before or after the neck.
+    /// Position in the network: before the neck.
     pub position: EncoderPosition,
 }
 
 impl Encoder {
-    /// The default: one shared 3x3 convolution with pad 1 and ReLU that keeps its `width` channels.
+    /// One shared 3x3 convolution with pad 1 and ReLU.
     pub const fn standard(width: usize) -> Encoder {
         Encoder {
             kernel: 3,
@@ -114,7 +118,7 @@ impl Encoder {
 pub struct Architecture {
     /// Channels per layer.
     pub widths: Widths,
-    /// `None` is the P-SiamFC++ family; a file must say so with an explicit `null`.
+    /// `None` is the P-SiamFC++ family, which a file states with an explicit `null`.
     #[serde(deserialize_with = "Option::deserialize")]
     pub encoder: Option<Encoder>,
     /// Side of the template crop in pixels.
@@ -134,25 +138,27 @@ pub enum LayerKind {
     Correlation,
 }
 
-/// Which crop(s) a layer works on.
+/// The crops that a layer works on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Branch {
-    /// Template and search crop, the same weights.
+    /// Template and search crop, with the same weights.
     Both,
-    /// Template crop only: once per `init`.
+    /// The template crop, once per `init`.
     Template,
-    /// Search crop only: once per frame.
+    /// The search crop, once per frame.
     Search,
 }
 
 /// One layer with its shapes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {
-    /// Name; a convolution's tensors are `<name>.weight` and `<name>.bias`.
+    /// Name of the layer; a convolution's tensors are `<name>.weight` and `<name>.bias`.
     pub name: String,
-    /// What it computes.
+    /// What the layer computes.
     pub kind: LayerKind,
-    /// Which crops it works on.
+    /// Names of the layers whose outputs it reads; none for the first, which reads the crop.
+    pub inputs: Vec<String>,
+    /// The crops that it works on.
     pub branch: Branch,
     /// Input channels.
     pub in_channels: usize,
@@ -166,10 +172,8 @@ pub struct Layer {
     pub pad: usize,
     /// Whether a ReLU follows.
     pub relu: bool,
-    /// Whether training has a BN behind it (folded into the weights here).
+    /// Whether training has a BN behind it, which a weights file folds in.
     pub bn: bool,
-    /// How often it runs per crop (an encoder after the neck runs for both tasks).
-    pub runs: usize,
     /// Side of the output map for the template crop; 0 where the layer does not run on it.
     pub out_template: usize,
     /// Side of the output map for the search crop; 0 where the layer does not run on it.
@@ -177,7 +181,7 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// Trainable parameters as papers count them: weights, biases and BN's scale and shift.
+    /// Trainable parameters as papers count them: weights, biases, BN's scale and shift.
     pub fn parameters(&self) -> usize {
         if self.kind != LayerKind::Conv {
             return 0;
@@ -197,14 +201,24 @@ impl Layer {
         ]
     }
 
-    /// Multiply-accumulates on the template crop, all runs.
+    /// Multiply-accumulates on the template crop.
     pub fn macs_template(&self) -> u64 {
         self.macs(self.out_template)
     }
 
-    /// Multiply-accumulates on the search crop, all runs.
+    /// Multiply-accumulates on the search crop.
     pub fn macs_search(&self) -> u64 {
         self.macs(self.out_search)
+    }
+
+    /// This layer with `channels` outputs on maps of these sides.
+    fn with(self, channels: usize, out: Sides) -> Layer {
+        Layer {
+            out_channels: channels,
+            out_template: out.template,
+            out_search: out.search,
+            ..self
+        }
     }
 
     fn macs(&self, side: usize) -> u64 {
@@ -213,7 +227,7 @@ impl Layer {
             LayerKind::Correlation => self.out_channels * self.kernel * self.kernel,
             LayerKind::Pool => 0,
         };
-        (per_pixel * side * side * self.runs) as u64
+        (per_pixel * side * side) as u64
     }
 }
 
@@ -230,9 +244,9 @@ pub struct ArchitectureError {
 }
 
 impl Architecture {
-    /// Widest layer accepted; a bound on what a stranger's file can make us allocate.
+    /// Widest layer accepted, which bounds what an untrusted file can allocate.
     pub const MAX_WIDTH: usize = 2048;
-    /// Largest crop side accepted, likewise.
+    /// Largest crop side accepted, which bounds what an untrusted file can allocate.
     pub const MAX_CROP: usize = 1024;
 
     /// DR-MIM's geometry (template 127, search 303) with the given widths and encoder.
@@ -248,7 +262,7 @@ impl Architecture {
     /// Product of all strides.
     pub const TOTAL_STRIDE: usize = 8;
 
-    /// Checks every bound; an architecture that passes can be laid out and run.
+    /// Checks every bound. An architecture that passes can be laid out and run.
     ///
     /// # Errors
     /// Names the first field that is out of range.
@@ -273,28 +287,25 @@ impl Architecture {
         if !(z..=Self::MAX_CROP).contains(&x) {
             return wrong("search_size", &x, format!("{z}..={}", Self::MAX_CROP));
         }
-        if let Some(e) = &self.encoder {
-            if ![1, 3].contains(&e.kernel) {
-                return wrong("encoder.kernel", &e.kernel, "1 or 3".into());
+        if let Some(encoder) = &self.encoder {
+            if ![1, 3].contains(&encoder.kernel) {
+                return wrong("encoder.kernel", &encoder.kernel, "1 or 3".into());
             }
-            if ![1, 2].contains(&e.layers) {
-                return wrong("encoder.layers", &e.layers, "1 or 2".into());
+            if encoder.layers != 1 {
+                return wrong("encoder.layers", &encoder.layers, "1".into());
             }
-            if !(1..=Self::MAX_WIDTH).contains(&e.width) {
-                return wrong("encoder.width", &e.width, width);
+            if !(1..=Self::MAX_WIDTH).contains(&encoder.width) {
+                return wrong("encoder.width", &encoder.width, width);
             }
-            if e.position == EncoderPosition::AfterNeck
-                && self.widths.neck_cls != self.widths.neck_reg
-            {
-                let found = format!("{} and {}", self.widths.neck_cls, self.widths.neck_reg);
-                return wrong(
-                    "neck widths",
-                    &found,
-                    "equal, for an encoder after the neck".into(),
-                );
+            if !encoder.shared {
+                let expected = "true: one encoder for template and search branch";
+                return wrong("encoder.shared", &false, expected.into());
+            }
+            if encoder.position != EncoderPosition::BeforeNeck {
+                return wrong("encoder.position", &"after_neck", "before_neck".into());
             }
         }
-        // The towers shrink the response by 6; sizes only ever shrink, so the last one tells.
+        // The towers shrink the response by 6. Sizes only ever shrink, so the last one decides.
         let backbone = backbone_sides(x)[6];
         let template = backbone_sides(z)[6] - 2;
         if backbone - 2 < template + 6 {
@@ -311,7 +322,9 @@ impl Architecture {
             .out_search
     }
 
-    /// Crop pixel of the first score cell's center, in both directions (spec section 2.4).
+    /// Crop pixel of the first score cell's center, along either axis.
+    ///
+    /// Source: docs/method.md, section 2.4.
     pub fn score_offset(&self) -> usize {
         (self.search_size - 1 - (self.score_size() - 1) * Self::TOTAL_STRIDE) / 2
     }
@@ -320,217 +333,132 @@ impl Architecture {
     ///
     /// Expects an architecture that passed [`check`](Self::check).
     pub fn layers(&self) -> Vec<Layer> {
-        let w = &self.widths;
-        let (z, x) = (
-            backbone_sides(self.template_size),
-            backbone_sides(self.search_size),
-        );
-        let mut layers = Vec::with_capacity(24);
-        let conv = |name: &str,
-                    branch,
-                    (cin, cout): (usize, usize),
-                    (kernel, pad): (usize, usize),
-                    relu,
-                    bn,
-                    (oz, ox)| {
-            Layer {
-                name: name.into(),
-                kind: LayerKind::Conv,
-                branch,
-                in_channels: cin,
-                out_channels: cout,
-                kernel,
-                stride: 1,
-                pad,
-                relu,
-                bn,
-                runs: 1,
-                out_template: oz,
-                out_search: ox,
-            }
-        };
-        let pool = |name: &str, channels, oz, ox| Layer {
-            kind: LayerKind::Pool,
-            stride: 2,
-            ..conv(
-                name,
-                Branch::Both,
-                (channels, channels),
-                (3, 0),
-                false,
-                false,
-                (oz, ox),
-            )
-        };
-        let correlation = |name: &str, channels, kernel, ox| Layer {
-            kind: LayerKind::Correlation,
-            ..conv(
-                name,
-                Branch::Search,
-                (channels, channels),
-                (kernel, 0),
-                false,
-                false,
-                (0, ox),
-            )
-        };
-        let [c1, c2, c3, c4, c5] = w.backbone;
-        use Branch::{Both, Search, Template};
-        layers.push(Layer {
-            stride: 2,
-            ..conv(
-                "backbone.conv1",
-                Both,
-                (3, c1),
-                (11, 0),
-                true,
-                true,
-                (z[0], x[0]),
-            )
-        });
-        layers.push(pool("backbone.pool1", c1, z[1], x[1]));
-        layers.push(conv(
-            "backbone.conv2",
-            Both,
-            (c1, c2),
-            (5, 0),
-            true,
-            true,
-            (z[2], x[2]),
-        ));
-        layers.push(pool("backbone.pool2", c2, z[3], x[3]));
-        layers.push(conv(
-            "backbone.conv3",
-            Both,
-            (c2, c3),
-            (3, 0),
-            true,
-            true,
-            (z[4], x[4]),
-        ));
-        layers.push(conv(
-            "backbone.conv4",
-            Both,
-            (c3, c4),
-            (3, 0),
-            true,
-            true,
-            (z[5], x[5]),
-        ));
-        layers.push(conv(
-            "backbone.conv5",
-            Both,
-            (c4, c5),
-            (3, 0),
-            false,
-            true,
-            (z[6], x[6]),
-        ));
-        let (nz, nx) = (z[6] - 2, x[6] - 2);
+        let mut layers = self.backbone();
+        let template = backbone_sides(self.template_size)[6];
+        let search = backbone_sides(self.search_size)[6];
+        let mut features = Source::of("backbone.conv5", self.widths.backbone[4]);
+        if let Some(encoder) = &self.encoder {
+            let out = Sides { template, search };
+            let e2 = conv("dr.e2.0", Branch::Both, encoder.kernel, &features);
+            layers.push(Layer {
+                pad: encoder.kernel / 2,
+                relu: encoder.relu,
+                bn: true,
+                ..e2.with(encoder.width, out)
+            });
+            features = Source::of("dr.e2.0", encoder.width);
+        }
+        layers.extend(self.neck(&features, template - 2, search - 2));
+        layers.extend(self.head(template - 2, search - 2));
+        layers
+    }
 
-        let encoder = |side: (usize, usize), input: usize, runs: usize| {
-            let Some(e) = self.encoder else {
-                return Vec::new();
+    /// `backbone.conv1` to `backbone.conv5` with the two pools.
+    fn backbone(&self) -> Vec<Layer> {
+        let template = backbone_sides(self.template_size);
+        let search = backbone_sides(self.search_size);
+        let [c1, c2, c3, c4, c5] = self.widths.backbone;
+        let mut layers = Vec::with_capacity(24);
+        let mut source = Source::CROP;
+        for (i, (name, kind, kernel, stride, width)) in [
+            ("backbone.conv1", LayerKind::Conv, 11, 2, c1),
+            ("backbone.pool1", LayerKind::Pool, 3, 2, c1),
+            ("backbone.conv2", LayerKind::Conv, 5, 1, c2),
+            ("backbone.pool2", LayerKind::Pool, 3, 2, c2),
+            ("backbone.conv3", LayerKind::Conv, 3, 1, c3),
+            ("backbone.conv4", LayerKind::Conv, 3, 1, c4),
+            ("backbone.conv5", LayerKind::Conv, 3, 1, c5),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let out = Sides {
+                template: template[i],
+                search: search[i],
             };
-            let sides: &[(&str, Branch)] = if e.shared {
-                &[("dr.e2", Both)]
-            } else {
-                &[("dr.e2_template", Template), ("dr.e2_search", Search)]
-            };
-            let mut list = Vec::new();
-            for &(name, branch) in sides {
-                for i in 0..e.layers {
-                    let cin = if i == 0 { input } else { e.width };
-                    let out = (
-                        if branch == Search { 0 } else { side.0 },
-                        if branch == Template { 0 } else { side.1 },
-                    );
-                    let io = ((cin, e.width), (e.kernel, e.kernel / 2));
-                    let layer = conv(
-                        &format!("{name}.{i}"),
-                        branch,
-                        io.0,
-                        io.1,
-                        e.relu,
-                        true,
-                        out,
-                    );
-                    list.push(Layer { runs, ..layer });
-                }
-            }
-            list
-        };
-        let position = self.encoder.map(|e| e.position);
-        let encoded = self.encoder.map(|e| e.width);
-        let before = position == Some(EncoderPosition::BeforeNeck);
-        let after = position == Some(EncoderPosition::AfterNeck);
-        if before {
-            layers.extend(encoder((z[6], x[6]), c5, 1));
-        }
-        let neck_in = if before { encoded.unwrap_or(c5) } else { c5 };
-        for (name, branch, n, oz, ox) in [
-            ("neck.template_cls", Template, w.neck_cls, nz, 0),
-            ("neck.template_reg", Template, w.neck_reg, nz, 0),
-            ("neck.search_cls", Search, w.neck_cls, 0, nx),
-            ("neck.search_reg", Search, w.neck_reg, 0, nx),
-        ] {
-            layers.push(conv(
-                name,
-                branch,
-                (neck_in, n),
-                (3, 0),
-                false,
-                true,
-                (oz, ox),
-            ));
-        }
-        if after {
-            layers.extend(encoder((nz, nx), w.neck_cls, 2));
-        }
-        let response = nx - nz + 1;
-        let channels = |neck| if after { encoded.unwrap_or(neck) } else { neck };
-        let (cls_in, reg_in) = (channels(w.neck_cls), channels(w.neck_reg));
-        layers.push(correlation("correlation.cls", cls_in, nz, response));
-        layers.push(correlation("correlation.reg", reg_in, nz, response));
-        for (tower, input, widths) in [("cls", cls_in, w.head_cls), ("reg", reg_in, w.head_reg)] {
-            let mut cin = input;
-            for (i, &n) in widths.iter().enumerate() {
-                let side = response - 2 * (i + 1);
-                let name = format!("head.{tower}{}", i + 1);
-                layers.push(conv(
-                    &name,
-                    Search,
-                    (cin, n),
-                    (3, 0),
-                    true,
-                    i == 2,
-                    (0, side),
-                ));
-                cin = n;
-            }
-        }
-        let score = response - 6;
-        for (name, cin, n) in [
-            ("head.score", w.head_cls[2], 1),
-            ("head.centerness", w.head_cls[2], 1),
-            ("head.offsets", w.head_reg[2], 4),
-        ] {
-            layers.push(conv(
-                name,
-                Search,
-                (cin, n),
-                (1, 0),
-                false,
-                true,
-                (0, score),
-            ));
+            let is_conv = kind == LayerKind::Conv;
+            layers.push(Layer {
+                kind,
+                stride,
+                relu: is_conv && name != "backbone.conv5",
+                bn: is_conv,
+                ..conv(name, Branch::Both, kernel, &source).with(width, out)
+            });
+            source = Source::of(name, width);
         }
         layers
     }
 
-    /// Name and shape of every tensor in execution order: a weight `[Cout, kh, kw, Cin]` and a bias `[Cout]` per
-    /// convolution.
+    /// One convolution per branch and task; `template` and `search` are the sides of the outputs.
+    fn neck(&self, features: &Source, template: usize, search: usize) -> Vec<Layer> {
+        let Widths {
+            neck_cls, neck_reg, ..
+        } = self.widths;
+        let mut layers = Vec::with_capacity(4);
+        for (name, branch, width) in [
+            ("neck.template_cls", Branch::Template, neck_cls),
+            ("neck.template_reg", Branch::Template, neck_reg),
+            ("neck.search_cls", Branch::Search, neck_cls),
+            ("neck.search_reg", Branch::Search, neck_reg),
+        ] {
+            let out = Sides { template, search }.only(branch);
+            layers.push(Layer {
+                bn: true,
+                ..conv(name, branch, 3, features).with(width, out)
+            });
+        }
+        layers
+    }
+
+    /// Both correlations, both towers and the three outputs; `template` and `search` are the
+    /// sides of the neck's outputs.
+    fn head(&self, template: usize, search: usize) -> Vec<Layer> {
+        let w = &self.widths;
+        let response = search - template + 1;
+        let mut layers = Vec::with_capacity(11);
+        for (task, width) in [("cls", w.neck_cls), ("reg", w.neck_reg)] {
+            let name = format!("correlation.{task}");
+            let features = Source::of(&format!("neck.search_{task}"), width);
+            let mut layer = conv(&name, Branch::Search, template, &features)
+                .with(width, Sides::search(response));
+            layer.kind = LayerKind::Correlation;
+            layer.inputs.push(format!("neck.template_{task}"));
+            layers.push(layer);
+        }
+        for (task, width, widths) in [
+            ("cls", w.neck_cls, w.head_cls),
+            ("reg", w.neck_reg, w.head_reg),
+        ] {
+            let mut source = Source::of(&format!("correlation.{task}"), width);
+            for (i, width) in widths.into_iter().enumerate() {
+                let name = format!("head.{task}{}", i + 1);
+                let out = Sides::search(response - 2 * (i + 1));
+                layers.push(Layer {
+                    relu: true,
+                    bn: i == 2,
+                    ..conv(&name, Branch::Search, 3, &source).with(width, out)
+                });
+                source = Source::of(&name, width);
+            }
+        }
+        for (name, tower, channels, width) in [
+            ("head.score", "head.cls3", w.head_cls[2], 1),
+            ("head.centerness", "head.cls3", w.head_cls[2], 1),
+            ("head.offsets", "head.reg3", w.head_reg[2], 4),
+        ] {
+            let source = Source::of(tower, channels);
+            let out = Sides::search(response - 6);
+            layers.push(Layer {
+                bn: true,
+                ..conv(name, Branch::Search, 1, &source).with(width, out)
+            });
+        }
+        layers
+    }
+
+    /// Name and shape of every tensor in execution order.
     ///
+    /// Each convolution has a weight `[Cout, kh, kw, Cin]` and a bias `[Cout]`.
     /// Expects an architecture that passed [`check`](Self::check).
     pub fn tensors(&self) -> Vec<(String, Vec<usize>)> {
         let convolutions = self
@@ -550,7 +478,8 @@ impl Architecture {
             .collect()
     }
 
-    /// Trainable parameters of the deployed network as papers count them, with the two scalars of the offsets.
+    /// Trainable parameters of the deployed network as papers count them, the two scalars of the
+    /// offsets included.
     pub fn parameters(&self) -> usize {
         self.layers().iter().map(Layer::parameters).sum::<usize>() + 2
     }
@@ -566,18 +495,91 @@ impl Architecture {
     }
 }
 
+/// The layer that another one reads.
+struct Source {
+    name: Option<String>, // `None` for the crop
+    channels: usize,
+}
+
+impl Source {
+    const CROP: Source = Source {
+        name: None,
+        channels: 3,
+    };
+
+    fn of(name: &str, channels: usize) -> Source {
+        Source {
+            name: Some(name.into()),
+            channels,
+        }
+    }
+}
+
+/// Sides of a layer's output maps; 0 for a branch on which it does not run.
+#[derive(Clone, Copy)]
+struct Sides {
+    template: usize,
+    search: usize,
+}
+
+impl Sides {
+    fn search(side: usize) -> Sides {
+        Sides {
+            template: 0,
+            search: side,
+        }
+    }
+
+    /// Zero where `branch` does not run.
+    fn only(self, branch: Branch) -> Sides {
+        Sides {
+            template: if branch == Branch::Search {
+                0
+            } else {
+                self.template
+            },
+            search: if branch == Branch::Template {
+                0
+            } else {
+                self.search
+            },
+        }
+    }
+}
+
+/// A convolution without padding, ReLU and BN, whose output is still to be given.
+fn conv(name: &str, branch: Branch, kernel: usize, source: &Source) -> Layer {
+    Layer {
+        name: name.into(),
+        kind: LayerKind::Conv,
+        inputs: source.name.iter().cloned().collect(),
+        branch,
+        in_channels: source.channels,
+        out_channels: 0,
+        kernel,
+        stride: 1,
+        pad: 0,
+        relu: false,
+        bn: false,
+        out_template: 0,
+        out_search: 0,
+    }
+}
+
 /// Output side of a convolution.
 pub fn conv_side(n: usize, kernel: usize, stride: usize, pad: usize) -> usize {
     (n + 2 * pad - kernel) / stride + 1
 }
 
-/// Output side of the 3x3 stride-2 pool in ceil mode (spec section 1.1).
+/// Output side of the 3x3 stride-2 pool in ceil mode.
+///
+/// Source: docs/method.md, section 1.1.
 pub fn pool_side(n: usize) -> usize {
     let out = (n - 3).div_ceil(2) + 1;
     if (out - 1) * 2 >= n { out - 1 } else { out }
 }
 
-/// Sides behind conv1, pool1, conv2, pool2, conv3, conv4, conv5.
+/// Output sides of conv1, pool1, conv2, pool2, conv3, conv4, conv5.
 fn backbone_sides(crop: usize) -> [usize; 7] {
     let c1 = conv_side(crop, 11, 2, 0);
     let p1 = pool_side(c1);
@@ -591,8 +593,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn totals_of_the_spec() {
-        // spec section 1.6: ratio, parameters, MMAC of search and template (to 0.1)
+    fn pruned_networks_have_the_published_totals() {
+        // docs/method.md, section 1.6: ratio, parameters, MMAC of search and template (to 0.1)
         for (ratio, parameters, search, template) in [
             (0.0, 9_655_380, 8561.4, 729.4),
             (0.1, 7_796_411, 6971.0, 598.7),
@@ -624,7 +626,7 @@ mod tests {
     }
 
     #[test]
-    fn totals_of_p_siamfcpp() {
+    fn p_siamfcpp_has_its_published_totals() {
         let widths = Widths {
             backbone: [76, 224, 337, 334, 256],
             neck_cls: 256,
@@ -639,23 +641,13 @@ mod tests {
     }
 
     #[test]
-    fn totals_of_the_encoders() {
-        // spec section 1.7
+    fn encoders_add_their_parameters_and_macs() {
+        // docs/method.md, section 1.7
         let half = Widths::pruned(0.5);
         let e = Encoder::standard(128);
-        let after = EncoderPosition::AfterNeck;
         for (encoder, parameters, search) in [
             (Encoder { kernel: 1, ..e }, 2_442_164, 2342.6),
             (e, 2_573_236, 2445.4),
-            (Encoder { layers: 2, ..e }, 2_721_076, 2561.0),
-            (
-                Encoder {
-                    position: after,
-                    ..e
-                },
-                2_573_236,
-                2529.2,
-            ),
         ] {
             let a = Architecture::new(half, Some(encoder));
             a.check().unwrap();
@@ -668,7 +660,7 @@ mod tests {
     }
 
     #[test]
-    fn knows_its_own_pruning_ratio() {
+    fn pruning_ratio_of_pruned_widths_is_found() {
         for tenths in 0..10 {
             let ratio = f64::from(tenths) / 10.0;
             assert_eq!(Widths::pruned(ratio).pruning_ratio(), Some(ratio));
@@ -684,14 +676,14 @@ mod tests {
     }
 
     #[test]
-    fn tensors_hold_the_parameters_without_bn() {
+    fn tensors_hold_every_parameter_but_bn() {
         let a = Architecture::new(Widths::FULL, None);
         let elements: usize = a
             .tensors()
             .iter()
             .map(|(_, shape)| shape.iter().product::<usize>())
             .sum();
-        assert_eq!(elements, 9_645_602 - 2 + 3_942); // spec section 1.2: weights without si and bi, biases
+        assert_eq!(elements, 9_645_602 - 2 + 3_942); // docs/method.md, section 1.2: weights without si and bi, and biases
         assert_eq!(
             a.tensors()[0],
             ("backbone.conv1.weight".into(), vec![96, 11, 11, 3])
@@ -699,7 +691,7 @@ mod tests {
     }
 
     #[test]
-    fn grid_of_the_spec() {
+    fn score_map_of_the_standard_crops_has_17_cells_from_87() {
         let a = Architecture::new(Widths::FULL, None);
         assert_eq!((a.score_size(), a.score_offset()), (17, 87));
         assert_eq!(a.score_offset() + 16 * Architecture::TOTAL_STRIDE, 215);
@@ -714,7 +706,7 @@ mod tests {
     }
 
     #[test]
-    fn pools_in_ceil_mode() {
+    fn pool_side_is_that_of_ceil_mode() {
         for (n, out) in [
             (3, 1),
             (4, 2),
@@ -730,7 +722,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_cannot_run() {
+    fn architecture_out_of_bounds_is_refused() {
         let good = Architecture::new(Widths::FULL, Some(Encoder::standard(256)));
         good.check().unwrap();
         let with = |f: &dyn Fn(&mut Architecture)| {

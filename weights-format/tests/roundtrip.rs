@@ -1,4 +1,4 @@
-//! What is written is read back, from memory and from files.
+//! Weights survive the roundtrip, through memory and through files.
 
 use std::{fs, path::PathBuf};
 use weights_format::{
@@ -25,7 +25,7 @@ fn sample(storage: Storage) -> Weights {
 }
 
 #[test]
-fn f32_is_exact() {
+fn f32_file_read_back_is_exact() {
     let weights = sample(Storage::F32);
     let bytes = weights.to_bytes().unwrap();
     assert_eq!(Weights::from_bytes(&bytes).unwrap(), weights);
@@ -37,7 +37,7 @@ fn f32_is_exact() {
 }
 
 #[test]
-fn f16_rounds_weights_once_and_keeps_biases() {
+fn f16_file_rounds_weights_once_and_keeps_biases() {
     let weights = sample(Storage::F16);
     let bytes = weights.to_bytes().unwrap();
     let read = Weights::from_bytes(&bytes).unwrap();
@@ -63,36 +63,57 @@ fn f16_rounds_weights_once_and_keeps_biases() {
 }
 
 #[test]
-fn every_form_of_the_encoder() {
+fn any_encoder_or_none_survives_the_roundtrip() {
     let narrow = Widths::uniform([2, 3, 2, 3, 4], 3);
-    for position in [EncoderPosition::BeforeNeck, EncoderPosition::AfterNeck] {
-        for (kernel, layers, width, relu, shared) in
-            [(1, 1, 4, false, true), (3, 2, 5, true, false)]
-        {
-            let encoder = Encoder {
-                kernel,
-                layers,
-                width,
-                relu,
-                shared,
-                position,
-            };
-            let weights = Weights::random(Architecture::new(narrow, Some(encoder)), 1);
-            assert_eq!(
-                Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(),
-                weights
-            );
-        }
+    let linear = Encoder {
+        kernel: 1,
+        relu: false,
+        ..Encoder::standard(4)
+    };
+    for encoder in [None, Some(linear), Some(Encoder::standard(5))] {
+        let weights = Weights::random(Architecture::new(narrow, encoder), 1);
+
+        let read = Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap();
+
+        assert_eq!(read, weights);
     }
-    let weights = Weights::random(Architecture::new(narrow, None), 1);
-    assert_eq!(
-        Weights::from_bytes(&weights.to_bytes().unwrap()).unwrap(),
-        weights
-    );
 }
 
 #[test]
-fn f16_refuses_overflow() {
+fn encoder_that_no_reader_runs_is_refused() {
+    let narrow = Widths::uniform([2, 3, 2, 3, 4], 3);
+    let standard = Encoder::standard(5);
+    let two_layers = Encoder {
+        layers: 2,
+        ..standard
+    };
+    let one_each = Encoder {
+        shared: false,
+        ..standard
+    };
+    let after_neck = Encoder {
+        position: EncoderPosition::AfterNeck,
+        ..standard
+    };
+    for (encoder, expected) in [
+        (two_layers, "encoder.layers is 2, expected 1"),
+        (one_each, "encoder.shared is false, expected true"),
+        (
+            after_neck,
+            "encoder.position is after_neck, expected before_neck",
+        ),
+    ] {
+        let mut weights = Weights::random(Architecture::new(narrow, Some(standard)), 1);
+        weights.header.architecture.encoder = Some(encoder);
+
+        let message = weights.to_bytes().unwrap_err().to_string();
+
+        assert!(message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn f16_file_of_too_large_a_weight_is_refused() {
     let mut weights = sample(Storage::F16);
     let mut tensor = weights.tensor("head.score.weight").unwrap().clone();
     tensor.data[1] = 65519.0; // the largest that still rounds to 65504
@@ -120,7 +141,7 @@ fn f16_refuses_overflow() {
 }
 
 #[test]
-fn refuses_to_write_what_it_would_not_read() {
+fn weights_that_no_reader_accepts_are_not_written() {
     let refused = |change: &dyn Fn(&mut Weights)| {
         let mut weights = sample(Storage::F32);
         change(&mut weights);
@@ -174,7 +195,7 @@ impl Drop for Folder {
 }
 
 #[test]
-fn files_are_replaced_as_a_whole() {
+fn file_written_over_another_replaces_it_as_a_whole() {
     let folder = Folder::new("replace");
     let path = folder.0.join("model.safetensors");
     fs::write(&path, "old").unwrap();
@@ -195,7 +216,7 @@ fn files_are_replaced_as_a_whole() {
 }
 
 #[test]
-fn unreadable_files_are_named() {
+fn unreadable_file_is_named_in_the_error() {
     let folder = Folder::new("unreadable");
     let absent = folder.0.join("absent.safetensors");
     let error = Weights::read(&absent).unwrap_err();
@@ -222,7 +243,7 @@ fn unreadable_files_are_named() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn endless_files_are_bounded() {
+fn endless_file_is_read_to_the_bound_only() {
     // Its length claims to be 0.
     let error = Weights::read("/dev/zero".as_ref()).unwrap_err().to_string();
     assert!(

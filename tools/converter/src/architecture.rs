@@ -5,30 +5,29 @@ use crate::{
     error::Refusal,
     names::{self, EncoderNames},
 };
-use weights_format::{
-    Architecture, Encoder, EncoderPosition, Layer, LayerKind, MAX_FILE_BYTES, Widths,
-};
+use weights_format::{Architecture, Encoder, Layer, LayerKind, MAX_FILE_BYTES, Widths};
 
-/// Widths and kernel as the tensors have them; what no shape tells (`relu`, `position`) as given.
+/// Widths and kernel from the tensors' shapes; `relu`, which no shape tells, as given.
 ///
 /// # Errors
-/// If tensors are missing, a weight has not four dimensions, or a width is out of range. Whether each layer's input fits
-/// the one before is not looked at here: whoever loads the tensors asks for the shapes that the architecture implies.
+/// If tensors are missing, a weight does not have four dimensions, a width is out of range, or the
+/// encoder has a form that no weights file may have. Whether each layer's input fits the layer
+/// before it is not checked here: the caller loads tensors by the shapes that the architecture
+/// implies.
 pub fn infer(
     checkpoint: &Checkpoint,
     encoder_names: Option<EncoderNames>,
     relu: bool,
-    position: EncoderPosition,
 ) -> Result<Architecture, Refusal> {
     let form = encoder_names.map(|EncoderNames { shared, layers, .. }| Encoder {
         layers,
         shared,
         relu,
-        position,
         ..Encoder::standard(256)
     });
     // The names do not depend on the widths.
     let any_width = Architecture::new(Widths::FULL, form);
+    check(&any_width)?;
     require(checkpoint, &convolutions(&any_width), encoder_names)?;
     let shape = |layer: &str| {
         let name = format!("{}.conv.weight", names::prefix(layer, encoder_names));
@@ -69,11 +68,7 @@ pub fn infer(
     let encoder = match form {
         None => None,
         Some(form) => {
-            let (width, kernel) = shape(if form.shared {
-                "dr.e2.0"
-            } else {
-                "dr.e2_template.0"
-            })?;
+            let (width, kernel) = shape("dr.e2.0")?;
             Some(Encoder {
                 width,
                 kernel,
@@ -82,13 +77,7 @@ pub fn infer(
         }
     };
     let architecture = Architecture::new(widths, encoder);
-    architecture.check().map_err(|error| {
-        Refusal::new(
-            format!("architecture: {}", error.field),
-            error.expected,
-            error.found,
-        )
-    })?;
+    check(&architecture)?;
     let bytes = 4 * architecture.parameters() as u64;
     if bytes > MAX_FILE_BYTES {
         return Err(Refusal::new(
@@ -98,6 +87,13 @@ pub fn infer(
         ));
     }
     Ok(architecture)
+}
+
+fn check(architecture: &Architecture) -> Result<(), Refusal> {
+    architecture.check().map_err(|error| {
+        let field = format!("architecture: {}", error.field);
+        Refusal::new(field, error.expected, error.found)
+    })
 }
 
 /// The layers that have parameters.

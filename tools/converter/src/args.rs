@@ -3,7 +3,7 @@
 use clap::{Parser, ValueEnum};
 use converter::Options;
 use std::path::PathBuf;
-use weights_format::{EncoderPosition, Storage};
+use weights_format::Storage;
 
 /// Convert a PyTorch checkpoint of DR-MIM / SiamFC++-AlexNet to a weights file, and back
 ///
@@ -38,9 +38,6 @@ pub struct Args {
     /// The encoder E2 has no ReLU (no tensor tells)
     #[arg(long)]
     pub encoder_linear: bool,
-    /// The encoder E2 sits behind the neck (no tensor tells)
-    #[arg(long)]
-    pub encoder_after_neck: bool,
 }
 
 /// What to write.
@@ -73,10 +70,6 @@ impl Args {
                 Dtype::F32 => Storage::F32,
             },
             encoder_relu: !self.encoder_linear,
-            encoder_position: match self.encoder_after_neck {
-                true => EncoderPosition::AfterNeck,
-                false => EncoderPosition::BeforeNeck,
-            },
         }
     }
 }

@@ -14,8 +14,7 @@ use std::{
     path::Path,
 };
 use weights_format::{
-    Architecture, EncoderPosition, Header, InputNormalization, Layer, Provenance, Storage, Tensor,
-    Unfolded, Weights,
+    Architecture, Header, InputNormalization, Layer, Provenance, Storage, Tensor, Unfolded, Weights,
 };
 
 /// What the checkpoint does not say.
@@ -27,8 +26,6 @@ pub struct Options {
     pub storage: Storage,
     /// Whether a ReLU follows the encoder's convolutions.
     pub encoder_relu: bool,
-    /// Where the encoder sits.
-    pub encoder_position: EncoderPosition,
 }
 
 impl Default for Options {
@@ -37,7 +34,6 @@ impl Default for Options {
             name: None,
             storage: Storage::F32,
             encoder_relu: true,
-            encoder_position: EncoderPosition::BeforeNeck,
         }
     }
 }
@@ -237,12 +233,7 @@ fn open<'a>(bytes: &'a [u8], options: &Options) -> Result<Opened<'a>, Refusal> {
         return Err(Refusal::new(format!("tensor {name:?}"), expected, "a gate"));
     }
     let encoder = EncoderNames::find(|name| checkpoint.shape(name).is_some());
-    let architecture = infer(
-        &checkpoint,
-        encoder,
-        options.encoder_relu,
-        options.encoder_position,
-    )?;
+    let architecture = infer(&checkpoint, encoder, options.encoder_relu)?;
     Ok(Opened {
         checkpoint,
         encoder,

@@ -95,14 +95,11 @@ pub fn prefix(layer: &str, encoder: Option<EncoderNames>) -> String {
     } else if let Some(i) = part("head.reg") {
         format!("head.bbox_p5_conv{i}")
     } else {
-        let renamed = layer
-            .replacen("_template", "_z", 1)
-            .replacen("_search", "_x", 1);
         match encoder {
             Some(EncoderNames {
                 numbered: false, ..
-            }) => renamed.trim_end_matches(".0").to_owned(),
-            _ => renamed,
+            }) => layer.trim_end_matches(".0").to_owned(),
+            _ => layer.to_owned(),
         }
     }
 }

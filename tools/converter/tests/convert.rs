@@ -214,58 +214,64 @@ fn strides_and_offsets() {
     );
 }
 
-#[test]
-fn encoders_in_every_form() {
+/// A network behind an encoder of these convolutions: name, inputs, kernel.
+fn network_with(encoder: &[(&str, usize, usize)]) -> StateDict {
     let wide = 6;
-    // One 1x1 convolution; two numbered ones; one each for template and search.
     let mut dict = network_behind(wide);
-    add_layer(&mut dict, "dr.e2", [wide, BACKBONE[4], 1, 1], true);
-    let encoder = convert(&checkpoint(&dict, PLAIN))
-        .weights
-        .header
-        .architecture
-        .encoder
-        .unwrap();
-    assert_eq!(
-        (encoder.kernel, encoder.layers, encoder.shared),
-        (1, 1, true)
-    );
+    for &(name, inputs, kernel) in encoder {
+        add_layer(&mut dict, name, [wide, inputs, kernel, kernel], true);
+    }
+    dict
+}
 
-    let mut dict = network_behind(wide);
-    add_layer(&mut dict, "dr.e2.0", [wide, BACKBONE[4], 3, 3], true);
-    add_layer(&mut dict, "dr.e2.1", [wide, wide, 3, 3], true);
-    let weights = convert(&checkpoint(&dict, PLAIN)).weights;
-    assert_eq!(weights.header.architecture.encoder.unwrap().layers, 2);
-    same_network(
-        &weights,
-        &dict,
-        &[("dr.e2.0", "dr.e2.0"), ("dr.e2.1", "dr.e2.1")],
-        1e-5,
-    );
+#[test]
+fn encoder_under_either_name_keeps_its_kernel() {
+    for (name, kernel) in [("dr.e2", 1), ("dr.e2.0", 3)] {
+        let dict = network_with(&[(name, BACKBONE[4], kernel)]);
 
-    let mut dict = network_behind(wide);
-    add_layer(&mut dict, "dr.e2_z", [wide, BACKBONE[4], 3, 3], true);
-    add_layer(&mut dict, "dr.e2_x", [wide, BACKBONE[4], 3, 3], true);
-    let weights = convert(&checkpoint(&dict, PLAIN)).weights;
-    assert!(!weights.header.architecture.encoder.unwrap().shared);
-    same_network(
-        &weights,
-        &dict,
-        &[
-            ("dr.e2_z", "dr.e2_template.0"),
-            ("dr.e2_x", "dr.e2_search.0"),
-        ],
-        1e-5,
-    );
+        let weights = convert(&checkpoint(&dict, PLAIN)).weights;
 
+        let encoder = weights.header.architecture.encoder.unwrap();
+        assert_eq!((encoder.kernel, encoder.relu), (kernel, true), "{name}");
+        same_network(&weights, &dict, &[(name, "dr.e2.0")], 1e-5);
+    }
+}
+
+#[test]
+fn encoder_without_relu_is_linear() {
+    let dict = network_with(&[("dr.e2", BACKBONE[4], 3)]);
     let options = Options {
         encoder_relu: false,
         ..Options::default()
     };
-    let linear = convert_bytes(&checkpoint(&dict, PLAIN), &options)
+
+    let weights = convert_bytes(&checkpoint(&dict, PLAIN), &options)
         .unwrap()
         .weights;
-    assert!(!linear.header.architecture.encoder.unwrap().relu);
+
+    assert!(!weights.header.architecture.encoder.unwrap().relu);
+}
+
+#[test]
+fn encoder_in_a_form_that_no_weights_file_has_is_refused() {
+    let c5 = BACKBONE[4];
+    for (encoder, expected) in [
+        (
+            &[("dr.e2.0", c5, 3), ("dr.e2.1", 6, 3)],
+            "encoder.layers: expected 1, found 2",
+        ),
+        (
+            &[("dr.e2_z", c5, 3), ("dr.e2_x", c5, 3)],
+            "encoder.shared: expected true",
+        ),
+    ] {
+        let dict = network_with(encoder);
+
+        let refused = convert_bytes(&checkpoint(&dict, PLAIN), &Options::default());
+
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
 }
 
 #[test]

@@ -65,16 +65,15 @@ pub fn estimate(
             l.branch == weights_format::Branch::Both
                 && parameter.name().starts_with(&format!("{}.", l.name))
         });
-        let runs = layers
+        let deployed = layers
             .iter()
-            .find(|l| parameter.name().starts_with(&format!("{}.", l.name)))
-            .map_or(0, |l| l.runs);
-        let updates = runs * if both { 2 } else { 1 };
-        if updates == 0 {
-            parameter.value = kept; // of a network that is not deployed
+            .any(|l| parameter.name().starts_with(&format!("{}.", l.name)));
+        if !deployed {
+            parameter.value = kept;
             continue;
         }
-        let weight = 1.0 - (1.0 - f64::from(MOMENTUM)).powi(updates as i32);
+        let updates = if both { 2 } else { 1 };
+        let weight = 1.0 - (1.0 - f64::from(MOMENTUM)).powi(updates);
         for (value, sum) in parameter.value.data_mut().iter_mut().zip(sum) {
             *value = (sum / (weight * count as f64)) as f32;
         }

@@ -208,18 +208,10 @@ impl Network {
         )
     }
 
-    /// What E2 makes of template crops.
+    /// The identity-related features of template crops.
     fn template_features(&self, pass: &mut Pass, crops: Var) -> Var {
-        use weights_format::EncoderPosition::{AfterNeck, BeforeNeck};
         let features = self.backbone(pass, crops);
-        let encoded = self.encode(pass, "template", BeforeNeck, features);
-        match self.architecture.encoder {
-            Some(encoder) if encoder.position == AfterNeck => {
-                let neck = self.run(pass, "neck.template_cls", encoded);
-                self.encode(pass, "template", AfterNeck, neck)
-            }
-            _ => encoded,
-        }
+        self.encode(pass, features)
     }
 
     /// Minus the estimates of the mutual information between the template's features and their encodings, global and local,

@@ -23,7 +23,7 @@ use autodiff::{ParameterId, Parameters, Tape, Tensor, Var};
 use block::{Block, Statistics};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use weights_format::{Architecture, EncoderPosition, Layer, LayerKind};
+use weights_format::{Architecture, Layer, LayerKind};
 
 /// What trains beside the deployed network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,7 +55,7 @@ pub struct Network {
     statistics_nets: StatisticsNets,
     blocks: BTreeMap<String, Block>,
     scalars: [ParameterId; 2],           // si, bi
-    unrelated: Vec<Block>,               // E1
+    unrelated: Option<Block>,            // E1
     statistics: Option<[Statistics; 2]>, // global, local
 }
 
@@ -97,25 +97,23 @@ impl Network {
         }
         let scalars = [("head.si", 1.0), ("head.bi", 0.0)]
             .map(|(name, value)| parameters.add(name, Tensor::scalar(value)));
-        let (mut unrelated, mut statistics) = (Vec::new(), None);
+        let mut unrelated = None;
+        let mut statistics = None;
         if statistics_nets != StatisticsNets::None {
-            let encoders: Vec<_> = encoder_layers(&layers).collect();
-            let (Some(first), Some(last)) = (encoders.first(), encoders.last()) else {
+            let Some(encoder) = layers.iter().find(|layer| layer.name == "dr.e2.0") else {
                 return Err(Error::option(
                     "--no-mi",
                     "set, for a network without an encoder",
                     "not set",
                 ));
             };
-            for (i, layer) in encoders.iter().enumerate() {
-                let twin = Layer {
-                    name: format!("dr.e1.{i}"),
-                    ..Layer::clone(layer)
-                };
-                unrelated.push(Block::new(parameters, &twin));
-            }
-            let (features, encoded) = (first.in_channels, 2 * last.out_channels);
-            let positions = first.out_template * first.out_template;
+            let twin = Layer {
+                name: "dr.e1.0".into(),
+                ..encoder.clone()
+            };
+            unrelated = Some(Block::new(parameters, &twin));
+            let (features, encoded) = (encoder.in_channels, 2 * encoder.out_channels);
+            let positions = encoder.out_template * encoder.out_template;
             let global = (features + encoded)
                 * if statistics_nets == StatisticsNets::Full {
                     positions
@@ -167,57 +165,33 @@ impl Network {
         x
     }
 
-    /// The identity-related encoder E2 of one branch, if the network has it at `position`.
-    fn encode(&self, pass: &mut Pass, branch: &str, position: EncoderPosition, mut x: Var) -> Var {
-        if let Some(encoder) = self.architecture.encoder.filter(|e| e.position == position) {
-            for i in 0..encoder.layers {
-                let name = if encoder.shared {
-                    format!("dr.e2.{i}")
-                } else {
-                    format!("dr.e2_{branch}.{i}")
-                };
-                x = self.run(pass, &name, x);
-            }
+    /// The identity-related encoder E2; features pass through without it.
+    fn encode(&self, pass: &mut Pass, features: Var) -> Var {
+        if self.architecture.encoder.is_some() {
+            self.run(pass, "dr.e2.0", features)
+        } else {
+            features
         }
-        x
     }
 
     fn template(&self, pass: &mut Pass, crops: Var) -> Template {
         let features = self.backbone(pass, crops);
-        let encoded = self.encode(pass, "template", EncoderPosition::BeforeNeck, features);
-        let [cls, reg] =
-            ["neck.template_cls", "neck.template_reg"].map(|name| self.run(pass, name, encoded));
-        let after = self
-            .architecture
-            .encoder
-            .is_some_and(|e| e.position == EncoderPosition::AfterNeck);
-        let (features, [cls, reg]) = match after {
-            false => (features, [cls, reg]),
-            true => {
-                let encode = |x| self.encode(pass, "template", EncoderPosition::AfterNeck, x);
-                (cls, [cls, reg].map(encode))
-            }
-        };
+        let related = self.encode(pass, features);
         Template {
             features,
-            related: if after { cls } else { encoded },
-            cls,
-            reg,
+            related,
+            cls: self.run(pass, "neck.template_cls", related),
+            reg: self.run(pass, "neck.template_reg", related),
         }
     }
 
     fn search(&self, pass: &mut Pass, crops: Var, template: &Template) -> Prediction {
         let features = self.backbone(pass, crops);
-        let encoded = self.encode(pass, "search", EncoderPosition::BeforeNeck, features);
-        let [mut cls, mut reg] = [
-            ("neck.search_cls", template.cls),
-            ("neck.search_reg", template.reg),
-        ]
-        .map(|(name, kernel)| {
-            let x = self.run(pass, name, encoded);
-            let x = self.encode(pass, "search", EncoderPosition::AfterNeck, x);
-            pass.xcorr(x, kernel)
-        });
+        let encoded = self.encode(pass, features);
+        let cls = self.run(pass, "neck.search_cls", encoded);
+        let mut cls = pass.xcorr(cls, template.cls);
+        let reg = self.run(pass, "neck.search_reg", encoded);
+        let mut reg = pass.xcorr(reg, template.reg);
         for i in 1..=3 {
             cls = self.run(pass, &format!("head.cls{i}"), cls);
             reg = self.run(pass, &format!("head.reg{i}"), reg);
@@ -229,16 +203,14 @@ impl Network {
         }
     }
 
-    /// What the identity-unrelated encoder E1 makes of the template's features, if the network has it.
+    /// The identity-unrelated features of encoder E1; the features themselves without it.
     fn unrelated(&self, pass: &mut Pass, features: Var) -> Var {
-        self.unrelated
-            .iter()
-            .enumerate()
-            .fold(features, |x, (i, block)| {
-                let (convolved, output) = block.forward(pass, x);
-                pass.remember(&format!("dr.e1.{i}"), convolved, output);
-                output
-            })
+        let Some(encoder) = &self.unrelated else {
+            return features;
+        };
+        let (convolved, output) = encoder.forward(pass, features);
+        pass.remember("dr.e1.0", convolved, output);
+        output
     }
 
     /// Template and search crops to predictions, as the losses see them; for their side effect on batch statistics.
@@ -260,11 +232,4 @@ impl Network {
         self.search(&mut pass, crops, &template);
         pass.into_made()
     }
-}
-
-/// The template branch's encoder layers.
-fn encoder_layers(layers: &[Layer]) -> impl Iterator<Item = &Layer> {
-    layers.iter().filter(|layer| {
-        layer.name.starts_with("dr.e2.") || layer.name.starts_with("dr.e2_template.")
-    })
 }

@@ -248,15 +248,7 @@ fn the_tracker_runs_what_was_trained() {
             ..narrow()
         },
         Architecture {
-            encoder: encoder(&|e| (e.shared, e.layers) = (false, 2)),
-            ..narrow()
-        },
-        Architecture {
             encoder: encoder(&|e| (e.kernel, e.relu) = (1, false)),
-            ..narrow()
-        },
-        Architecture {
-            encoder: encoder(&|e| e.position = EncoderPosition::AfterNeck),
             ..narrow()
         },
     ] {

@@ -96,12 +96,9 @@ fn owner(name: &str) -> Owner<'_> {
 
 /// Cells of the maps that the encoders see.
 fn positions(architecture: &Architecture) -> usize {
-    let encoder = |name: &str| name.starts_with("dr.e2.") || name.starts_with("dr.e2_template.");
     let layers = architecture.layers();
-    let first = layers
-        .iter()
-        .find(|layer| layer.kind == LayerKind::Conv && encoder(&layer.name));
-    first.map_or(1, |layer| layer.out_template.pow(2))
+    let encoder = layers.iter().find(|layer| layer.name == "dr.e2.0");
+    encoder.map_or(1, |layer| layer.out_template.pow(2))
 }
 
 /// Inputs of a statistics network that stay: features, then the related and unrelated codes together, each flattened

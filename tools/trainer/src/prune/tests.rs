@@ -9,7 +9,7 @@ use crate::rng::Rng;
 use crate::testing::{Folder, pictures, shared};
 use autodiff::{Mode, Tape, Tensor};
 use std::collections::BTreeMap;
-use weights_format::{Architecture, Encoder, EncoderPosition, Widths};
+use weights_format::{Architecture, Encoder, Widths};
 
 /// The reference's names of layers that have ranks.
 const REFERENCE: [(&str, &str); 15] = [
@@ -198,23 +198,10 @@ fn ranks_of(fit: &Fit) -> Ranks {
 
 #[test]
 fn nothing_pruned_changes_nothing() {
-    let after = Encoder {
-        position: EncoderPosition::AfterNeck,
-        shared: false,
-        ..Encoder::standard(8)
-    };
     for (encoder, nets) in [
         (None, StatisticsNets::None),
         (Some(Encoder::standard(8)), StatisticsNets::Light),
-        (
-            Some(Encoder {
-                layers: 2,
-                shared: false,
-                ..Encoder::standard(6)
-            }),
-            StatisticsNets::Full,
-        ),
-        (Some(after), StatisticsNets::Full),
+        (Some(Encoder::standard(6)), StatisticsNets::Full),
     ] {
         let fit = tiny(encoder, nets);
         let pruned = prune(&fit, &Ranks::default(), &counts(&fit, |n| n)).unwrap();

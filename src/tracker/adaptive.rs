@@ -1,18 +1,20 @@
 //! A smaller search region while the target is easy to follow.
 //!
-//! While the target is surely found near the middle of the region, frame after frame, the border of the region is
-//! not looked at; once it is not, the same frame is searched again in full.
+//! After a few calm frames in a row only the inner part of the search region is searched. A frame
+//! that turns out not to be calm is searched again in full.
+//!
+//! Source: docs/method.md, section 5.5.
 
-use crate::select::Choice;
+use super::select::Choice;
 use weights_format::Architecture;
 
-/// Frames in a row that must be calm before the region shrinks.
+/// Calm frames in a row before the region shrinks.
 const PATIENCE: u32 = 3;
-/// Least score of a calm frame,
+/// Least score of a calm frame.
 const SCORE: f64 = 0.4;
-/// least penalty (how little size and aspect changed),
+/// Least penalty factor of a calm frame: size and aspect hardly changed.
 const PENALTY: f64 = 0.95;
-/// and greatest shift from the middle, in cells.
+/// Greatest shift from the region's middle in a calm frame, in cells.
 const SHIFT: f64 = 2.0;
 
 /// Decides how much of the region is searched.
@@ -22,12 +24,15 @@ pub(crate) struct Adaptive {
 }
 
 impl Adaptive {
-    /// Whether the smaller region will do for the next frame.
+    /// Whether the smaller region is enough for the next frame.
     pub(crate) fn is_calm(&self) -> bool {
         self.calm >= PATIENCE
     }
 
-    /// Takes note of what a search chose in a crop with this middle; whether that may stand, if it was the smaller crop.
+    /// Notes a search's choice and returns whether the frame was calm.
+    ///
+    /// `middle` is the crop pixel of the crop's middle. The choice in a smaller region stands only
+    /// if the frame was calm.
     pub(crate) fn note(&mut self, choice: Option<&Choice>, middle: f64) -> bool {
         let near =
             |at: f32| (f64::from(at) - middle).abs() <= SHIFT * Architecture::TOTAL_STRIDE as f64;
@@ -38,7 +43,7 @@ impl Adaptive {
         calm
     }
 
-    /// Forgets what was seen.
+    /// Starts over for a new target.
     pub(crate) fn reset(&mut self) {
         self.calm = 0;
     }
@@ -47,10 +52,10 @@ impl Adaptive {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bbox::CenterBox;
+    use crate::bbox::CropBox;
 
     fn choice(cx: f32, score: f64) -> Choice {
-        let bbox = CenterBox {
+        let bbox = CropBox {
             cx,
             cy: 151.0,
             w: 60.0,
@@ -67,18 +72,27 @@ mod tests {
     }
 
     #[test]
-    fn calm_comes_slowly_and_goes_at_once() {
+    fn region_after_three_calm_frames_is_calm() {
         let mut adaptive = Adaptive::default();
         for (cx, score) in [(151.0, 0.9), (160.0, 0.5), (140.0, 0.6)] {
             assert!(!adaptive.is_calm());
             assert!(adaptive.note(Some(&choice(cx, score)), 151.0));
         }
         assert!(adaptive.is_calm());
+    }
+
+    #[test]
+    fn region_after_one_restless_frame_is_not_calm() {
         for restless in [Some(choice(170.0, 0.9)), Some(choice(151.0, 0.3)), None] {
-            (0..4).for_each(|_| assert!(adaptive.note(Some(&choice(151.0, 0.9)), 151.0)));
+            let mut adaptive = Adaptive::default();
+            for _ in 0..4 {
+                adaptive.note(Some(&choice(151.0, 0.9)), 151.0);
+            }
             assert!(adaptive.is_calm());
-            assert!(!adaptive.note(restless.as_ref(), 151.0));
-            assert!(!adaptive.is_calm());
+
+            let calm = adaptive.note(restless.as_ref(), 151.0);
+
+            assert!(!calm && !adaptive.is_calm());
         }
     }
 }

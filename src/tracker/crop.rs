@@ -1,6 +1,8 @@
-//! The context-padded square crop around a target: geometry (spec section 2.2) and sampling.
+//! The context-padded square crop around a target: geometry and sampling.
+//!
+//! Source: docs/method.md, section 2.2.
 
-use crate::bbox::CenterBox;
+use crate::bbox::{CropBox, FrameBox};
 use crate::frame::Frame;
 use kernels::par::Threads;
 use kernels::resample::{Grid, Pixels, Scratch, resample};
@@ -11,28 +13,30 @@ use kernels::{Isa, Size};
 pub struct Region {
     /// Center in frame pixels, horizontally; sub-pixel.
     pub cx: f64,
-    /// Center in frame pixels, vertically.
+    /// Center in frame pixels, vertically; sub-pixel.
     pub cy: f64,
-    /// Side in frame pixels, whole.
+    /// Side in frame pixels, a whole number.
     pub side: f64,
     /// Side of the crop in pixels.
     pub crop_side: usize,
 }
 
-/// Crop pixels per frame pixel for a target of `w` x `h`: the template's side over the side of the target with its
-/// context.
+/// Crop pixels per frame pixel for a target of `w` x `h`.
 ///
-/// The side is `sqrt((w + p)(h + p))` with `p = context_amount * (w + h)`. Both crops share this scale; it is *not* recomputed from a region's rounded side.
+/// The scale maps the target with its context to the template's side:
+/// `template_size / sqrt((w + p)(h + p))` with `p = context_amount * (w + h)`.
+/// Template and search crop share this scale; it is *not* recomputed from a region's rounded side.
 pub fn scale(w: f64, h: f64, context_amount: f64, template_size: usize) -> f64 {
     let context = context_amount * (w + h);
     template_size as f64 / ((w + context) * (h + context)).sqrt()
 }
 
 impl Region {
-    /// The region around `target` that becomes a crop of `crop_side` pixels at `scale` crop pixels per frame pixel.
+    /// The region around `target` for a crop of `crop_side` pixels at `scale` crop pixels per frame
+    /// pixel.
     ///
     /// Its side is rounded, ties to even, and at least 2.
-    pub fn around(target: &CenterBox, scale: f64, crop_side: usize) -> Region {
+    pub fn around(target: &FrameBox, scale: f64, crop_side: usize) -> Region {
         let side = (crop_side as f64 / scale).round_ties_even().max(2.0);
         Region {
             cx: f64::from(target.cx),
@@ -54,17 +58,91 @@ impl Region {
     }
 }
 
-/// Cuts crops; keeps the scratch space that this needs.
+/// Where a crop lies in the frame: converts boxes between crop and frame pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Placement {
+    cx: f32,     // frame pixel at the crop's middle
+    cy: f32,     // likewise
+    middle: f64, // crop pixel of the crop's middle
+    scale: f64,  // crop pixels per frame pixel
+}
+
+/// Width and height in crop pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CropSize {
+    pub w: f64,
+    pub h: f64,
+}
+
+impl Placement {
+    /// A crop of `crop_side` pixels around the center of `target`.
+    pub(crate) fn new(target: &FrameBox, scale: f64, crop_side: usize) -> Placement {
+        Placement {
+            cx: target.cx,
+            cy: target.cy,
+            middle: (crop_side / 2) as f64,
+            scale,
+        }
+    }
+
+    /// The crop's middle in crop pixels, along either axis.
+    pub(crate) fn middle(&self) -> f64 {
+        self.middle
+    }
+
+    /// The same box in frame pixels.
+    pub(crate) fn to_frame(self, bbox: &CropBox) -> FrameBox {
+        let position = |middle: f32, crop: f32| {
+            (f64::from(middle) + (f64::from(crop) - self.middle) / self.scale) as f32
+        };
+        FrameBox {
+            cx: position(self.cx, bbox.cx),
+            cy: position(self.cy, bbox.cy),
+            w: self.length_in_frame(bbox.w) as f32,
+            h: self.length_in_frame(bbox.h) as f32,
+        }
+    }
+
+    /// The same box in crop pixels.
+    pub(crate) fn to_crop(self, bbox: &FrameBox) -> CropBox {
+        let position = |middle: f32, frame: f32| {
+            (self.middle + (f64::from(frame) - f64::from(middle)) * self.scale) as f32
+        };
+        let size = self.size_in_crop(bbox);
+        CropBox {
+            cx: position(self.cx, bbox.cx),
+            cy: position(self.cy, bbox.cy),
+            w: size.w as f32,
+            h: size.h as f32,
+        }
+    }
+
+    /// A length of crop pixels in frame pixels.
+    pub(crate) fn length_in_frame(&self, length: f32) -> f64 {
+        f64::from(length) / self.scale
+    }
+
+    /// The size of a box of frame pixels in crop pixels.
+    pub(crate) fn size_in_crop(&self, bbox: &FrameBox) -> CropSize {
+        CropSize {
+            w: f64::from(bbox.w) * self.scale,
+            h: f64::from(bbox.h) * self.scale,
+        }
+    }
+}
+
+/// Cuts crops and keeps the scratch space for it.
 #[derive(Clone, Debug, Default)]
 pub struct Cropper {
     scratch: Scratch,
 }
 
 impl Cropper {
-    /// Resamples `region` of `frame` into `out` (`[crop_side, crop_side, 3]`, BGR), `border` (BGR) standing for what lies
-    /// outside the frame.
+    /// Resamples `region` of `frame` into `out` (`[crop_side, crop_side, 3]`, BGR).
     ///
-    /// Bilinear with exact weights, as OpenCV 5's `warpAffine` does it. Panics if `out` has not the crop's size.
+    /// `border` (BGR) fills what lies outside the frame.
+    /// Bilinear with exact weights, as OpenCV 5's `warpAffine`.
+    /// Panics if `out` does not have the crop's size.
     pub fn cut(
         &mut self,
         isa: Isa,
@@ -103,8 +181,8 @@ mod tests {
     use crate::frame::ChannelOrder;
 
     #[test]
-    fn worked_values_of_the_spec() {
-        // spec section 2.2
+    fn crops_of_the_worked_example_have_its_scale_and_grid() {
+        // docs/method.md, section 2.2
         let target = BBox::new(100.0, 50.0, 40.0, 80.0).center();
         let scale = scale(40.0, 80.0, 0.5, 127);
         assert!((127.0 / scale - 118.32160).abs() < 1e-5);
@@ -135,10 +213,10 @@ mod tests {
     }
 
     #[test]
-    fn constant_frames_stay_constant() {
+    fn crop_of_a_constant_frame_is_constant() {
         let data = [10u8, 20, 30].repeat(50 * 40);
         let frame = Frame::new(&data, 50, 40, ChannelOrder::Bgr).unwrap();
-        let target = CenterBox {
+        let target = FrameBox {
             cx: 12.3,
             cy: 31.7,
             w: 11.0,
@@ -153,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn outside_is_border_and_half_pixels_are_means() {
+    fn crop_outside_the_frame_is_border_and_between_pixels_is_their_mean() {
         let data = [0u8, 100, 200, 50];
         let frame = Frame::new(&data, 2, 2, ChannelOrder::Gray).unwrap();
         let outside = Region {
@@ -176,5 +254,26 @@ mod tests {
         let crop = cut(&frame, &middle, [9; 3]);
         assert_eq!(crop[3..6], [50; 3]);
         assert_eq!(crop[12..15], [88; 3]); // 87.5, ties to even
+    }
+
+    #[test]
+    fn box_converted_to_the_crop_and_back_is_the_same() {
+        let target = BBox::new(100.0, 50.0, 40.0, 80.0).center();
+        let placement = Placement::new(&target, 1.5, 303);
+        let beside = FrameBox {
+            cx: target.cx + 10.0,
+            ..target
+        };
+
+        let in_crop = placement.to_crop(&beside);
+
+        let expected = CropBox {
+            cx: 166.0,
+            cy: 151.0,
+            w: 60.0,
+            h: 120.0,
+        };
+        assert_eq!(in_crop, expected);
+        assert_eq!(placement.to_frame(&in_crop), beside);
     }
 }

@@ -1,67 +1,73 @@
-//! A filter that is learned while tracking: what tells this target from what is around it.
+//! A correlation filter that is learned while tracking: this target against its surroundings.
 //!
-//! The network was trained on other objects, and its template shows the target alone. This filter has the template's shape and runs
-//! over the same features of the search region (the neck's, for classification), but is fitted to the region itself: to
-//! respond with a bump at the target and with nothing anywhere else, look-alikes included. Its response is mixed into the score.
+//! The network was trained on other objects, and its template shows the target alone. This filter
+//! has the template's shape and runs over the same features of the search region (the neck's, for
+//! classification), but it is fitted to the region itself: it responds with a bump at the target
+//! and with nothing elsewhere, distractors included. Its response is mixed into the score.
 //!
-//! It solves a ridge regression over a memory of looks, `min over f of sum_k w_k |f * x_k - y_k|^2 + RIDGE |f|^2`, by conjugate
-//! gradients, one pass over the memory per frame: a round takes a look into the memory and sums up how far the filter is off,
-//! then makes [`STEPS`] steps. Sources: Danelljan et al., ATOM (CVPR 2019), section 3.2; Zhou et al., DROL (AAAI 2020), for
-//! the mixture with a Siamese tracker's score. The paper's tracker has none: a share of 0.
+//! The filter solves a ridge regression over a memory of samples,
+//! `min over f of sum_k w_k |f * x_k - y_k|^2 + RIDGE |f|^2`, by conjugate gradients. One call of
+//! [`OnlineFilter::learn`] makes one pass over the memory. A round of `1 + STEPS` calls stores a
+//! sample and computes the residual, then makes [`STEPS`] steps.
+//!
+//! Sources: Danelljan et al., ATOM (CVPR 2019), section 3.2; Zhou et al., DROL (AAAI 2020), for the
+//! mixture with a Siamese tracker's score; docs/method.md, section 5.3.
+//! The published tracker has no filter: a share of 0.
 
-use crate::net::Network;
-use crate::scratch::Map;
+use crate::net::{Map, Network};
 use kernels::filter::{FilterShape, adjoint, respond};
 use kernels::{Aligned, Size};
 
-/// Weight of the filter's own size.
+/// Weight of the filter's own norm.
 const RIDGE: f32 = 0.1;
 /// Standard deviation of the bump, in sides of the target.
 const SPREAD: f32 = 0.275;
-/// Looks that are kept,
+/// Samples in the memory.
 const MEMORY: usize = 8;
-/// the share of the newest among them,
+/// Weight of the newest sample.
 const RATE: f32 = 0.05;
-/// and what the first frame's weight never falls below: it is the only one that is known to show the target.
+/// Least weight of the first frame's sample, the only one known to show the target.
 const FIRST: f32 = 0.25;
-/// Steps in the first frame,
+/// Steps in the first frame.
 const FIRST_STEPS: usize = 20;
-/// and in every later round.
+/// Steps in every later round.
 const STEPS: u32 = 2;
+/// Squared residual below which a step is a no-op.
+const CONVERGED: f32 = 1e-12;
 
-/// The filter with the looks that it is learned from.
+/// The filter with its memory.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct OnlineFilter {
-    shape: Option<FilterShape>, // none before the first look
-    mean: Vec<f32>,             // [C]: of the first look's features
-    scale: f32,                 // brings a window of features to a length of about 1
+    shape: Option<FilterShape>, // `None` before the first sample
+    mean: Vec<f32>,             // [C]: of the first sample's features
+    scale: f32,                 // brings a window of features to a norm of about 1
     filter: Aligned<f32>,       // [h, w, C]
-    features: Aligned<f32>,     // [H, W, C]: the last look's, less the mean, scaled
+    features: Aligned<f32>,     // [H, W, C]: the last search's, less the mean, scaled
     response: Vec<f32>,         // [H', W']
-    memory: Vec<Look>,
+    memory: Vec<Sample>,
     solver: Solver,
-    turn: u32, // of the round: 0 takes in a look, the others make steps
+    turn: u32, // of the round: 0 stores a sample, the others make steps
 }
 
-/// One look and what the filter should have said about it.
+/// Features of one search and the response that the filter should give.
 #[derive(Clone, Debug)]
-struct Look {
+struct Sample {
     features: Aligned<f32>, // [H, W, C]
     label: Vec<f32>,        // [H', W']
-    weight: f32,            // in the sum of squares
+    weight: f32,            // in the sum of squares; 0 for an empty place
 }
 
-/// What conjugate gradients need room for.
+/// State of the conjugate gradients.
 #[derive(Clone, Debug, Default)]
 struct Solver {
     response: Vec<f32>,      // [H', W']
-    rest: Aligned<f32>,      // [h, w, C]: the normal equations' residual
+    residual: Aligned<f32>,  // [h, w, C]: of the normal equations
     direction: Aligned<f32>, // [h, w, C]
-    image: Aligned<f32>,     // [h, w, C]: of the direction
-    power: f32,              // the residual's square
+    image: Aligned<f32>,     // [h, w, C]: the normal matrix times the direction
+    power: f32,              // square of the residual
 }
 
-/// Where a target is, in cells of the response.
+/// A target's place in the response, in cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     pub row: f32,
@@ -77,7 +83,9 @@ impl OnlineFilter {
         self.response.clear();
     }
 
-    /// Starts with the network's last look, at the first frame; `spot` says where in the response the target is.
+    /// Starts with the network's last search, of the first frame.
+    ///
+    /// `spot` maps a response to the target's place in it.
     pub(crate) fn begin(&mut self, network: &Network, spot: impl Fn(&[f32]) -> Spot) {
         let (template, search) = network.classification();
         let shape = FilterShape {
@@ -86,11 +94,28 @@ impl OnlineFilter {
             channels: search.channels(),
         };
         self.shape = Some(shape);
-        self.scale_by(search, shape);
+        self.measure_scale(search, shape);
+        self.make_room(shape);
+
+        // The first sample has the memory to itself and is fitted at once.
+        self.turn = 0;
+        self.load(search, shape);
+        self.response.resize(shape.out_size().area(), 0.0);
+        self.store(shape, 0, spot(&self.response));
+        self.memory[0].weight = 1.0;
+        self.begin_round(network, shape);
+        for _ in 0..FIRST_STEPS {
+            self.step(network, shape);
+        }
+        self.clear_if_broken();
+    }
+
+    /// Sizes every buffer and empties the memory.
+    fn make_room(&mut self, shape: FilterShape) {
         let out = shape.out_size().area();
         for values in [
             &mut self.filter,
-            &mut self.solver.rest,
+            &mut self.solver.residual,
             &mut self.solver.direction,
         ] {
             values.clear();
@@ -98,27 +123,19 @@ impl OnlineFilter {
         }
         self.solver.image.resize(shape.filter_len());
         self.solver.response.resize(out, 0.0);
-        self.memory.resize_with(MEMORY, || Look {
+        self.memory.resize_with(MEMORY, || Sample {
             features: Aligned::default(),
             label: Vec::new(),
             weight: 0.0,
         });
-        for look in &mut self.memory {
-            look.weight = 0.0;
-            look.features.resize(shape.size.area() * shape.channels);
-            look.label.resize(out, 0.0);
+        for sample in &mut self.memory {
+            sample.weight = 0.0;
+            sample.features.resize(shape.size.area() * shape.channels);
+            sample.label.resize(out, 0.0);
         }
-        self.turn = 0;
-        self.take(search, shape);
-        self.response.resize(out, 0.0);
-        self.remember(shape, 0, spot(&self.response));
-        self.memory[0].weight = 1.0;
-        self.begin_round(network, shape);
-        (0..FIRST_STEPS).for_each(|_| self.step(network, shape));
-        self.clear_if_broken();
     }
 
-    /// Responds to the network's last look. Returns what it says, row by row; nothing before the first look.
+    /// Responds to the network's last search, row by row; empty before the first sample.
     pub(crate) fn respond(&mut self, network: &Network) -> &[f32] {
         if let Some(shape) = self.shape {
             let (_, search) = network.classification();
@@ -126,7 +143,7 @@ impl OnlineFilter {
                 size: search.size(),
                 ..shape
             };
-            self.take(search, shape);
+            self.load(search, shape);
             self.response.resize(shape.out_size().area(), 0.0);
             let OnlineFilter {
                 filter,
@@ -134,46 +151,29 @@ impl OnlineFilter {
                 response,
                 ..
             } = self;
+            let isa = network.model().isa();
             let threads = network.threads();
-            threads.enter(|| {
-                respond(
-                    network.model().isa(),
-                    threads,
-                    shape,
-                    features,
-                    filter,
-                    response,
-                )
-            });
+            threads.enter(|| respond(isa, threads, shape, features, filter, response));
         }
         &self.response
     }
 
-    /// What it said last.
+    /// The last response.
     pub(crate) fn response(&self) -> &[f32] {
         &self.response
     }
 
-    /// Learns from the look that it last responded to; `spot` says where in the response the target is. Looks of another size
-    /// than the first one's are passed over.
+    /// Learns from the search that it last responded to.
+    ///
+    /// `spot` maps a response to the target's place in it. Searches of another size than the first
+    /// one's are skipped.
     pub(crate) fn learn(&mut self, network: &Network, spot: impl Fn(&[f32]) -> Spot) {
         let Some(shape) = self.shape else { return };
         if self.features.len() != shape.size.area() * shape.channels {
             return;
         }
         if self.turn == 0 {
-            self.memory
-                .iter_mut()
-                .for_each(|look| look.weight *= 1.0 - RATE);
-            self.memory[0].weight = self.memory[0].weight.max(FIRST);
-            // The lightest look makes room: an empty place, or the oldest.
-            let weight = |place: &usize| self.memory[*place].weight;
-            let lightest = (1..MEMORY).min_by(|a, b| weight(a).total_cmp(&weight(b)));
-            let Some(place) = lightest else { return };
-            self.remember(shape, place, spot(&self.response));
-            self.memory[place].weight = RATE;
-            let sum: f32 = self.memory.iter().map(|look| look.weight).sum();
-            self.memory.iter_mut().for_each(|look| look.weight /= sum);
+            self.remember(shape, spot(&self.response));
             self.begin_round(network, shape);
         } else {
             self.step(network, shape);
@@ -182,22 +182,23 @@ impl OnlineFilter {
         self.clear_if_broken();
     }
 
-    /// Features that are not finite would stay in the filter for good: the tracker is better off without one.
+    /// Features that are not finite would stay in the filter for good; no filter is better.
     fn clear_if_broken(&mut self) {
         if !self.solver.power.is_finite() {
             self.clear();
         }
     }
 
-    /// Measures the first look's features.
-    fn scale_by(&mut self, map: &Map, shape: FilterShape) {
+    /// Measures the mean and the scale of the first search's features.
+    fn measure_scale(&mut self, map: &Map, shape: FilterShape) {
         map.channel_means(&mut self.mean);
         let square = |values: &[f32]| values.iter().map(|v| v * v).sum::<f32>();
         let variance = square(map.values()) / shape.size.area() as f32 - square(&self.mean);
         self.scale = 1.0 / (variance * shape.filter.area() as f32).max(1e-12).sqrt();
     }
 
-    fn take(&mut self, map: &Map, shape: FilterShape) {
+    /// Loads a search's features, less the mean, scaled.
+    fn load(&mut self, map: &Map, shape: FilterShape) {
         self.features.resize(map.values().len());
         let cells = self.features.chunks_exact_mut(shape.channels);
         for (to, from) in cells.zip(map.values().chunks_exact(shape.channels)) {
@@ -207,22 +208,44 @@ impl OnlineFilter {
         }
     }
 
-    /// Puts the last look's features into the memory, with a bump at the target as what to respond.
-    fn remember(&mut self, shape: FilterShape, place: usize, spot: Spot) {
-        let Look {
+    /// Fades the memory and stores the loaded features in place of the lightest sample, which is an
+    /// empty place or the oldest sample.
+    fn remember(&mut self, shape: FilterShape, spot: Spot) {
+        for sample in &mut self.memory {
+            sample.weight *= 1.0 - RATE;
+        }
+        self.memory[0].weight = self.memory[0].weight.max(FIRST);
+        let mut place = 1;
+        for i in 2..MEMORY {
+            if self.memory[i].weight < self.memory[place].weight {
+                place = i;
+            }
+        }
+        self.store(shape, place, spot);
+        self.memory[place].weight = RATE;
+        let sum: f32 = self.memory.iter().map(|sample| sample.weight).sum();
+        for sample in &mut self.memory {
+            sample.weight /= sum;
+        }
+    }
+
+    /// Stores the loaded features, labeled with a bump at the target.
+    fn store(&mut self, shape: FilterShape, place: usize, spot: Spot) {
+        let Sample {
             features, label, ..
         } = &mut self.memory[place];
         features.copy_from_slice(&self.features);
         let Size { w, .. } = shape.out_size();
         let spread = 2.0 * (SPREAD * spot.side).max(0.5).powi(2);
         for (i, value) in label.iter_mut().enumerate() {
-            let (row, column) = ((i / w) as f32, (i % w) as f32);
+            let row = (i / w) as f32;
+            let column = (i % w) as f32;
             let distance = (row - spot.row).powi(2) + (column - spot.column).powi(2);
             *value = (-distance / spread).exp();
         }
     }
 
-    /// Sums up how far the filter is off, and so where the next step goes: the normal equations' residual,
+    /// Computes the residual of the normal equations, which is also the first direction:
     /// `sum_k w_k X_k^T (y_k - X_k f) - RIDGE f`.
     fn begin_round(&mut self, network: &Network, shape: FilterShape) {
         let OnlineFilter {
@@ -233,18 +256,18 @@ impl OnlineFilter {
         } = self;
         let Solver {
             response,
-            rest,
+            residual,
             direction,
             power,
             ..
         } = solver;
         let error = |response: f32, label: f32| label - response;
-        rest.iter_mut()
-            .zip(filter.iter())
-            .for_each(|(rest, f)| *rest = -RIDGE * f);
-        add_pass(network, shape, memory, filter, response, error, rest);
-        direction.copy_from_slice(rest);
-        *power = dot(rest, rest);
+        for (residual, f) in residual.iter_mut().zip(filter.iter()) {
+            *residual = -RIDGE * f;
+        }
+        add_pass(network, shape, memory, filter, response, error, residual);
+        direction.copy_from_slice(residual);
+        *power = dot(residual, residual);
     }
 
     /// One step of conjugate gradients toward the filter that fits the memory best.
@@ -257,40 +280,34 @@ impl OnlineFilter {
         } = self;
         let Solver {
             response,
-            rest,
+            residual,
             direction,
             image,
             power,
         } = solver;
-        if *power < 1e-12 {
-            return; // as good as it gets
+        if *power < CONVERGED {
+            return;
         }
-        image
-            .iter_mut()
-            .zip(direction.iter())
-            .for_each(|(image, d)| *image = RIDGE * d);
-        add_pass(
-            network,
-            shape,
-            memory,
-            direction,
-            response,
-            |response, _| response,
-            image,
-        );
+
+        // image = (sum_k w_k X_k^T X_k + RIDGE) direction
+        for (image, d) in image.iter_mut().zip(direction.iter()) {
+            *image = RIDGE * d;
+        }
+        let linear = |response: f32, _: f32| response;
+        add_pass(network, shape, memory, direction, response, linear, image);
+
+        // Go along the direction to the minimum, then turn conjugate to it.
         let length = *power / dot(direction, image);
-        filter
-            .iter_mut()
-            .zip(direction.iter())
-            .for_each(|(f, d)| *f += length * d);
-        rest.iter_mut()
-            .zip(image.iter())
-            .for_each(|(rest, image)| *rest -= length * image);
-        let next = dot(rest, rest);
-        direction
-            .iter_mut()
-            .zip(rest.iter())
-            .for_each(|(d, rest)| *d = rest + next / *power * *d);
+        for (f, d) in filter.iter_mut().zip(direction.iter()) {
+            *f += length * d;
+        }
+        for (residual, image) in residual.iter_mut().zip(image.iter()) {
+            *residual -= length * image;
+        }
+        let next = dot(residual, residual);
+        for (d, residual) in direction.iter_mut().zip(residual.iter()) {
+            *d = residual + next / *power * *d;
+        }
         *power = next;
     }
 }
@@ -299,26 +316,21 @@ impl OnlineFilter {
 fn add_pass(
     network: &Network,
     shape: FilterShape,
-    memory: &[Look],
+    memory: &[Sample],
     filter: &[f32],
     response: &mut [f32],
     value: impl Fn(f32, f32) -> f32 + Sync,
     out: &mut [f32],
 ) {
-    let (isa, threads) = (network.model().isa(), network.threads());
+    let isa = network.model().isa();
+    let threads = network.threads();
     threads.enter(|| {
-        for Look {
-            features,
-            label,
-            weight,
-        } in memory.iter().filter(|look| look.weight > 0.0)
-        {
-            respond(isa, threads, shape, features, filter, response);
-            response
-                .iter_mut()
-                .zip(label)
-                .for_each(|(v, label)| *v = weight * value(*v, *label));
-            adjoint(isa, threads, shape, features, response, out);
+        for sample in memory.iter().filter(|sample| sample.weight > 0.0) {
+            respond(isa, threads, shape, &sample.features, filter, response);
+            for (v, label) in response.iter_mut().zip(&sample.label) {
+                *v = sample.weight * value(*v, *label);
+            }
+            adjoint(isa, threads, shape, &sample.features, response, out);
         }
     });
 }
@@ -353,7 +365,7 @@ mod tests {
         bytes
     }
 
-    /// A small network that has looked at one picture.
+    /// A small network that has searched one picture.
     fn network() -> Network {
         let architecture = Architecture::new(Widths::pruned(0.9), None);
         let weights = Weights::random(architecture, 4);
@@ -375,7 +387,7 @@ mod tests {
             .iter()
             .map(|f| (-f64::from(RIDGE * f), 0.0))
             .unzip();
-        for Look {
+        for Sample {
             features,
             label,
             weight,
@@ -400,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn conjugate_gradients_solve_the_normal_equations() {
+    fn steps_solve_the_normal_equations() {
         let mut network = network();
         let mut filter = OnlineFilter::default();
         filter.begin(&network, |_| MIDDLE);
@@ -414,14 +426,16 @@ mod tests {
             filter
                 .memory
                 .iter()
-                .filter(|look| look.weight > 0.0)
+                .filter(|sample| sample.weight > 0.0)
                 .count(),
             3,
-            "every third look is kept"
+            "every third search is stored"
         );
         let shape = filter.shape.unwrap();
         let (before, right) = residual(&filter);
-        (0..300).for_each(|_| filter.step(&network, shape));
+        for _ in 0..300 {
+            filter.step(&network, shape);
+        }
         let (after, _) = residual(&filter);
         assert!(
             after < 1e-3 * right && after < before,
@@ -430,10 +444,10 @@ mod tests {
     }
 
     #[test]
-    fn it_responds_at_the_target_and_not_elsewhere() {
+    fn filter_of_one_sample_responds_at_the_target_only() {
         let network = network();
         let mut filter = OnlineFilter::default();
-        assert!(filter.respond(&network).is_empty(), "nothing is known yet");
+        assert!(filter.respond(&network).is_empty(), "no sample yet");
         let spot = Spot {
             row: 7.0,
             column: 14.0,
@@ -464,7 +478,7 @@ mod tests {
     }
 
     #[test]
-    fn features_that_are_not_finite_end_it() {
+    fn features_that_are_not_finite_clear_the_filter() {
         let network = network();
         let mut filter = OnlineFilter::default();
         filter.begin(&network, |_| MIDDLE);
@@ -475,20 +489,20 @@ mod tests {
     }
 
     #[test]
-    fn the_first_look_keeps_its_weight_and_old_ones_go() {
+    fn first_sample_after_many_keeps_its_weight() {
         let network = network();
         let mut filter = OnlineFilter::default();
         filter.begin(&network, |_| MIDDLE);
         for _ in 0..200 {
             filter.learn(&network, |_| MIDDLE);
         }
-        let sum: f32 = filter.memory.iter().map(|look| look.weight).sum();
+        let sum: f32 = filter.memory.iter().map(|sample| sample.weight).sum();
         assert!(
             (sum - 1.0).abs() < 1e-4 && filter.memory[0].weight > FIRST - 0.01,
             "{:?}",
             filter.memory[0].weight
         );
-        assert!(filter.memory.iter().all(|look| look.weight > 0.0));
+        assert!(filter.memory.iter().all(|sample| sample.weight > 0.0));
         assert!(filter.filter.iter().all(|f| f.is_finite()));
     }
 }

@@ -1,0 +1,460 @@
+//! The tracker: start reading here. [`Tracker::update`] tells the whole story.
+//!
+//! | file | what happens there |
+//! |---|---|
+//! | `mod.rs` | a target's first frame, and every later one |
+//! | `view.rs` | which part of the surroundings one search takes in |
+//! | `crop.rs` | the crop around the target; from frame to crop pixels and back |
+//! | `select.rs` | from score map and offsets to one box |
+//! | `filter.rs` | the correlation filter that is learned while tracking |
+//! | `correction.rs` | what the first frame tells about the network's errors |
+//! | `adaptive.rs` | a smaller search region while the target is easy to follow |
+
+mod adaptive;
+mod correction;
+pub mod crop;
+mod filter;
+mod select;
+mod view;
+
+use crate::bbox::{BBox, FrameBox};
+use crate::config::TrackConfig;
+use crate::error::TrackError;
+use crate::frame::Frame;
+use crate::model::Model;
+use crate::net::Network;
+use crate::stages::{Lap, Stages};
+use adaptive::Adaptive;
+use correction::Correction;
+use crop::{Cropper, Placement, Region};
+use filter::OnlineFilter;
+use kernels::par::{Cores, Threads};
+use view::{Extent, Views};
+
+#[cfg(test)]
+pub(crate) use crop::CropSize;
+pub(crate) use select::{Choice, Selector};
+
+/// Follows one object from frame to frame.
+///
+/// Several trackers may share one [`Model`]; each has its own target, buffers and threads.
+#[derive(Debug)]
+pub struct Tracker {
+    config: TrackConfig,
+    network: Network,
+    views: Views,
+    filter: OnlineFilter,
+    adaptive: Option<Adaptive>,
+    cropper: Cropper,
+    crop: Vec<u8>,
+    target: Option<Target>,
+    seen: Option<Seen>,
+    stages: Stages,
+}
+
+/// Where the last search looked and which cell it chose.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    /// The box in the middle of the search region.
+    pub around: FrameBox,
+    /// Where the search crop lies in the frame.
+    pub placement: Placement,
+    /// The chosen cell; `None` if no cell was usable.
+    pub choice: Option<Choice>,
+    extent: Extent,
+}
+
+/// How a tracker runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackerOptions {
+    /// Threads that one frame is spread over.
+    pub threads: usize,
+    /// Processor cores that the threads are pinned to.
+    pub cores: Cores,
+    /// Hyper-parameters.
+    pub config: TrackConfig,
+    /// How much of the search region is searched.
+    pub search: SearchRegion,
+}
+
+impl TrackerOptions {
+    /// One thread, the model's own hyper-parameters, the whole search region.
+    pub fn of(model: &Model) -> TrackerOptions {
+        TrackerOptions {
+            threads: 1,
+            cores: Cores::ANY,
+            config: model.config(),
+            search: SearchRegion::Full,
+        }
+    }
+}
+
+/// How much of the search region a tracker searches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SearchRegion {
+    /// All of it, in every frame.
+    #[default]
+    Full,
+    /// Its middle while the target is easy to follow, at 0.62 of the work.
+    Adaptive,
+}
+
+/// Where the target is in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Track {
+    /// The target's box in frame pixels; it may reach beyond the frame's edge.
+    pub bbox: BBox,
+    /// Classification score times centerness of the chosen cell, in `[0, 1]`.
+    ///
+    /// 0 if no output of the network was finite; the box is then the previous one.
+    pub score: f32,
+    /// The score after penalty and window: the maximized value, which video_analyst reports.
+    pub penalized_score: f32,
+}
+
+/// State of one target.
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    bbox: FrameBox,
+    border: [u8; 3], // mean color of the first frame, BGR
+    correction: Correction,
+}
+
+/// Least score of a frame from which template and filter learn.
+const LEARNED_FROM: f64 = 0.3;
+/// Score below which the tracker searches a wider region, if it has a filter.
+const SLIPPED: f64 = 0.15;
+/// Least penalized score of a target that is found in the wider region.
+const REGAINED_SCORE: f64 = 0.3;
+/// Least response of the filter to a target that is found in the wider region.
+const REGAINED_RESPONSE: f64 = 0.4;
+
+impl Tracker {
+    /// A tracker with [`TrackerOptions::of`] the model.
+    pub fn new(model: Model) -> Tracker {
+        let options = TrackerOptions::of(&model);
+        Tracker::with_options(model, options)
+    }
+
+    /// A tracker with the given options.
+    pub fn with_options(model: Model, options: TrackerOptions) -> Tracker {
+        Tracker {
+            config: options.config,
+            views: Views::new(model.architecture()),
+            filter: OnlineFilter::default(),
+            adaptive: (options.search == SearchRegion::Adaptive).then(Adaptive::default),
+            network: Network::with_threads(model, Threads::pinned(options.threads, options.cores)),
+            cropper: Cropper::default(),
+            crop: Vec::new(),
+            target: None,
+            seen: None,
+            stages: Stages::default(),
+        }
+    }
+
+    /// Takes the object within `bbox` as the target and forgets any earlier one.
+    ///
+    /// # Errors
+    /// If a number of the box is not finite, its width or height is not above 0, or it does not
+    /// touch the frame. The tracker then keeps the earlier target.
+    pub fn init(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<(), TrackError> {
+        check_box(frame, bbox)?;
+        let mut target = Target {
+            bbox: bbox.center(),
+            border: frame.mean_bgr(),
+            correction: Correction::NONE,
+        };
+        let side = self.network.model().architecture().template_size;
+        self.cut(frame, &target, side);
+        self.network.set_template(&self.crop);
+        if let Some(adaptive) = &mut self.adaptive {
+            adaptive.reset();
+        }
+        self.filter.clear();
+        if self.config.correction > 0.0 || self.config.online_filter > 0.0 {
+            target.correction = self.search_first_frame(frame, &target);
+        }
+        self.target = Some(target);
+        Ok(())
+    }
+
+    /// Searches the first frame, whose true box is known: measures the network's error and begins
+    /// the filter.
+    fn search_first_frame(&mut self, frame: &Frame<'_>, target: &Target) -> Correction {
+        let config = self.config;
+        let seen = self.search(frame, target, 1.0, Extent::Full, &config);
+        let selector = &self.views.of(Extent::Full).selector;
+        let truth = seen.placement.to_crop(&target.bbox);
+        if config.online_filter > 0.0 {
+            let spot = |response: &[f32]| selector.spot(&truth, response);
+            self.filter.begin(&self.network, spot);
+        }
+        seen.choice.map_or(Correction::NONE, |choice| {
+            Correction::between(&choice.bbox, &truth, config.correction)
+        })
+    }
+
+    /// Finds the target in the next frame, near its last box, and learns its look there.
+    ///
+    /// # Errors
+    /// If there is no target yet.
+    pub fn update(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
+        let before = self.target.ok_or(TrackError::NoTarget)?;
+        let track = self.find(frame)?;
+        if self.has_slipped(&track) {
+            return Ok(self.look_wider(frame, before.bbox).unwrap_or(track));
+        }
+        self.learn();
+        Ok(track)
+    }
+
+    /// Whether the target may have left the search region, and a filter could recognize it
+    /// elsewhere.
+    pub(crate) fn has_slipped(&self, track: &Track) -> bool {
+        self.config.online_filter > 0.0 && f64::from(track.score) < SLIPPED
+    }
+
+    /// Finds the target near its last box, without learning.
+    pub(crate) fn find(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
+        let target = self.target.ok_or(TrackError::NoTarget)?;
+        let config = self.config;
+        let calm = self.adaptive.as_ref().is_some_and(Adaptive::is_calm);
+        let extent = if calm { Extent::Inner } else { Extent::Full };
+        let mut seen = self.search(frame, &target, 1.0, extent, &config);
+        if let Some(adaptive) = &mut self.adaptive
+            && !adaptive.note(seen.choice.as_ref(), seen.placement.middle())
+            && calm
+        {
+            seen = self.search(frame, &target, 1.0, Extent::Full, &config);
+        }
+        Ok(self.follow(frame, target, &seen))
+    }
+
+    /// Searches a wider region around the box `before`, for a target that may have moved faster
+    /// than the search region reaches.
+    ///
+    /// The target counts as found only if network and filter agree. Nothing is learned from it.
+    pub(crate) fn look_wider(&mut self, frame: &Frame<'_>, before: FrameBox) -> Option<Track> {
+        let target = Target {
+            bbox: before,
+            ..self.target?
+        };
+        let anywhere = TrackConfig {
+            window_influence: 0.0,
+            ..self.config
+        };
+        let seen = self.search(frame, &target, 1.0, Extent::Wide, &anywhere);
+        let regained = seen.choice.is_some_and(|choice| {
+            choice.score * choice.penalty >= REGAINED_SCORE && choice.response >= REGAINED_RESPONSE
+        });
+        regained.then(|| self.follow(frame, target, &seen))
+    }
+
+    /// Moves the target to the box that a search chose.
+    fn follow(&mut self, frame: &Frame<'_>, mut target: Target, seen: &Seen) -> Track {
+        if let Some(choice) = &seen.choice {
+            let selector = &self.views.of(seen.extent).selector;
+            target.bbox = selector.smooth(choice, &target.bbox, &seen.placement, &self.config);
+        }
+        target.bbox = self.clamped(frame, &target.bbox);
+        self.target = Some(target);
+        let score = seen.choice.map_or(0.0, |choice| choice.score);
+        let penalized_score = seen.choice.map_or(0.0, |choice| choice.penalized_score);
+        Track {
+            bbox: target.bbox.corner(),
+            score: score as f32,
+            penalized_score: penalized_score as f32,
+        }
+    }
+
+    /// The box with its center inside the frame and its size between the bounds for this target.
+    pub(crate) fn clamped(&self, frame: &Frame<'_>, bbox: &FrameBox) -> FrameBox {
+        bbox.clamped(frame.width(), frame.height(), self.config.min_size)
+    }
+
+    /// Learns the target's look from the last search, if its choice scored high enough.
+    pub(crate) fn learn(&mut self) {
+        let Some(seen) = self.seen else { return };
+        let Some(choice) = seen.choice else { return };
+        let selector = &self.views.of(seen.extent).selector;
+        let mut lap = Lap::start();
+
+        // The template blends in the features at the chosen box.
+        let share = self.config.template_update as f32;
+        if share > 0.0 && choice.score >= LEARNED_FROM {
+            let (template, search) = self.network.identity();
+            let cells = template.size().h;
+            let reach = search.size().h;
+            let row = selector.window_start(choice.bbox.cy, cells, reach);
+            let column = selector.window_start(choice.bbox.cx, cells, reach);
+            self.network.update_template(row, column, share);
+            self.stages.neck += lap.lap();
+        }
+
+        // The filter learns the chosen place at the target's smoothed size.
+        if let Some(target) = self.target
+            && choice.score.max(choice.response) >= LEARNED_FROM
+            && selector.agrees(&choice.bbox, self.filter.response())
+        {
+            let mut place = seen.placement.to_crop(&target.bbox);
+            place.cx = choice.bbox.cx;
+            place.cy = choice.bbox.cy;
+            let spot = |response: &[f32]| selector.spot(&place, response);
+            self.filter.learn(&self.network, spot);
+            self.stages.filter += lap.lap();
+        }
+    }
+
+    /// Searches around another box than the target's; the target stays where it is.
+    ///
+    /// The target is expected to have the size of `around`. The region is `zoom` times as wide as
+    /// usual. `window_influence` is as in [`TrackConfig`]: 0 prefers no part of the region.
+    pub(crate) fn look(
+        &mut self,
+        frame: &Frame<'_>,
+        around: FrameBox,
+        zoom: f64,
+        window_influence: f64,
+    ) -> Result<Seen, TrackError> {
+        let mut target = self.target.ok_or(TrackError::NoTarget)?;
+        target.bbox = self.clamped(frame, &around);
+        let config = TrackConfig {
+            window_influence,
+            ..self.config
+        };
+        Ok(self.search(frame, &target, zoom, Extent::Full, &config))
+    }
+
+    /// One search: crop, network, filter, and the best cell for a target that is expected at its
+    /// box.
+    fn search(
+        &mut self,
+        frame: &Frame<'_>,
+        target: &Target,
+        zoom: f64,
+        extent: Extent,
+        config: &TrackConfig,
+    ) -> Seen {
+        let mut lap = Lap::start();
+        let around = target.bbox;
+        let mut zoomed = *target;
+        zoomed.bbox.w *= zoom as f32;
+        zoomed.bbox.h *= zoom as f32;
+        let side = self.views.of(extent).side;
+        let placement = self.cut(frame, &zoomed, side);
+        self.stages.crop = lap.lap();
+
+        let outputs = self
+            .network
+            .search_timed(&self.crop, side, &mut self.stages);
+        target.correction.apply(&mut outputs.ltrb);
+        lap.lap();
+
+        let response = self.filter.respond(&self.network);
+        self.stages.filter = lap.lap();
+
+        let selector = &self.views.of(extent).selector;
+        let previous = placement.size_in_crop(&around);
+        let choice = selector.choose(self.network.outputs(), response, previous, config);
+        let seen = Seen {
+            around,
+            placement,
+            choice,
+            extent,
+        };
+        self.seen = Some(seen);
+        self.stages.select = lap.lap();
+        seen
+    }
+
+    /// Moves the target to another box without a search, as a caller does who knows the camera's
+    /// motion. A no-op without a target.
+    pub fn place(&mut self, bbox: FrameBox) {
+        if let Some(target) = &mut self.target {
+            target.bbox = bbox;
+        }
+    }
+
+    /// The target's last box.
+    pub(crate) fn target_box(&self) -> Option<FrameBox> {
+        self.target.map(|target| target.bbox)
+    }
+
+    /// The last search.
+    pub(crate) fn seen(&self) -> Option<&Seen> {
+        self.seen.as_ref()
+    }
+
+    /// The network with its last outputs.
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// The online filter's response to the last search, a square map; empty without a filter.
+    pub(crate) fn response(&self) -> &[f32] {
+        self.filter.response()
+    }
+
+    /// The selector of the last search's score map.
+    pub(crate) fn selector(&self) -> &Selector {
+        let extent = self.seen.map_or(Extent::Full, |seen| seen.extent);
+        &self.views.of(extent).selector
+    }
+
+    /// Cuts the crop of `side` pixels around the target.
+    fn cut(&mut self, frame: &Frame<'_>, target: &Target, side: usize) -> Placement {
+        let bbox = &target.bbox;
+        let template_size = self.network.model().architecture().template_size;
+        let context = self.config.context_amount;
+        let scale = crop::scale(bbox.w.into(), bbox.h.into(), context, template_size);
+        let region = Region::around(bbox, scale, side);
+        self.crop.resize(side * side * 3, 0);
+        let isa = self.network.model().isa();
+        let threads = self.network.threads();
+        let cropper = &mut self.cropper;
+        let out = &mut self.crop;
+        threads.enter(|| cropper.cut(isa, threads, frame, &region, target.border, out));
+        Placement::new(bbox, scale, side)
+    }
+
+    /// Time per stage of the last [`update`](Self::update).
+    pub fn stages(&self) -> &Stages {
+        &self.stages
+    }
+
+    /// The last crop, `[side, side, 3]`, BGR: the network's input as a picture.
+    pub fn last_crop(&self) -> &[u8] {
+        &self.crop
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        self.network.model()
+    }
+
+    /// Threads that one frame is spread over.
+    pub fn threads(&self) -> usize {
+        self.network.threads().count()
+    }
+}
+
+/// Refuses boxes that cannot hold a target.
+fn check_box(frame: &Frame<'_>, bbox: BBox) -> Result<(), TrackError> {
+    let BBox { x, y, w, h } = bbox;
+    if !bbox.is_finite() || w <= 0.0 || h <= 0.0 {
+        return Err(TrackError::BadBox { x, y, w, h });
+    }
+    let width = frame.width();
+    let height = frame.height();
+    if x >= width as f32 || y >= height as f32 || x + w <= 0.0 || y + h <= 0.0 {
+        return Err(TrackError::BoxOutside {
+            x,
+            y,
+            w,
+            h,
+            width,
+            height,
+        });
+    }
+    Ok(())
+}
