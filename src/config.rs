@@ -2,27 +2,32 @@
 
 use weights_format::TrackerParams;
 
-/// How the tracker turns the network's outputs into a box. The model file carries the values it was made for.
+/// Hyper-parameters of the tracker; each model file carries its own values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackConfig {
-    /// Context around the target in the crops, as a share of (w + h): 0.5.
+    /// Context around the target in the crops, as a share of (w + h).
     pub context_amount: f64,
-    /// Greatest step of the size toward the new one, in `[0, 1]`.
+    /// Greatest step of the size toward the new size, in `[0, 1]`.
     pub size_lr: f64,
     /// Weight of the cosine window against the penalized score, in `[0, 1]`.
     pub window_influence: f64,
-    /// How strongly changes of size and aspect are penalized.
+    /// Strength of the penalty on changes of size and aspect.
     pub penalty_k: f64,
-    /// Smallest side of a box, in pixels.
+    /// Smallest side of a box, in pixels; a target that starts smaller than twice this side gets a
+    /// lower bound.
     pub min_size: f32,
-    /// Share of the network's error in the first frame that is taken out of all later boxes, in `[0, 1]`; 0 is the paper's
-    /// tracker.
+    /// Share of the network's error in the first frame that corrects every later box, in `[0, 1]`.
+    ///
+    /// 0 in the published tracker.
     pub correction: f64,
-    /// Share of the target's later looks in the template, in `[0, 1]`; 0 is the paper's tracker, which keeps the first
-    /// frame's.
+    /// Share of later frames in the template, in `[0, 1]`.
+    ///
+    /// 0 in the published tracker, which keeps the first frame's template.
     pub template_update: f64,
-    /// Share of the online filter's response in the score that chooses a cell, in `[0, 1]`; 0 is the paper's tracker, which learns
-    /// no filter and looks no wider when it has lost its target.
+    /// Share of the online filter's response in the score that chooses a cell, in `[0, 1]`.
+    ///
+    /// 0 in the published tracker, which learns no filter and searches no wider region for a lost
+    /// target.
     pub online_filter: f64,
 }
 
@@ -42,7 +47,9 @@ impl From<&TrackerParams> for TrackConfig {
 }
 
 impl Default for TrackConfig {
-    /// The values for all UAV benchmarks (spec section 2.7, first row).
+    /// The published values for UAV benchmarks.
+    ///
+    /// Source: docs/method.md, section 2.7.
     fn default() -> Self {
         TrackConfig::from(&TrackerParams::default())
     }

@@ -1,4 +1,4 @@
-//! What can go wrong, grouped by who is at fault.
+//! Errors, grouped by who is at fault.
 
 use std::path::PathBuf;
 
@@ -33,7 +33,7 @@ pub enum FrameError {
     },
 }
 
-/// Why the tracker refused a call.
+/// Reason why the tracker refused a call.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TrackError {
     /// The box is not a box: a number is not finite, or a side is not positive.
@@ -69,18 +69,19 @@ pub enum TrackError {
     NoTarget,
 }
 
-/// Why a model could not be loaded.
+/// Reason why a model could not be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// The weights file is unreadable or wrong.
+    /// The weights file is unreadable or invalid.
     #[error(transparent)]
     Weights(#[from] weights_format::ReadError),
-    /// The network of this file cannot run.
+    /// The file describes a network that cannot run.
     #[error(transparent)]
     Architecture(#[from] weights_format::ArchitectureError),
-    /// Precision `int8` of weights that nobody calibrated for it.
+    /// The weights have no calibration, which precision `int8` needs.
     #[error(
-        "model '{name}' has no calibration, which precision int8 needs: make one with `train quantize`"
+        "model '{name}' has no calibration, which precision int8 needs: \
+         make one with `train quantize`"
     )]
     NoCalibration {
         /// Name in the weights file.
@@ -88,31 +89,31 @@ pub enum ModelError {
     },
 }
 
-/// Why frames could not be read.
+/// Reason why frames could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// A file or folder could not be opened or read.
     #[error("{path}: {error}")]
     Io {
-        /// Which file.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         error: std::io::Error,
     },
     /// A picture could not be decoded.
     #[error("{path}: {reason}")]
     Decode {
-        /// Which file, or `-` for standard input.
+        /// The file, or `-` for standard input.
         path: PathBuf,
-        /// What was expected and found.
+        /// The expected and the found.
         reason: String,
     },
-    /// Nothing to read was found.
+    /// The input holds no frames.
     #[error("{input}: {reason}")]
     Empty {
         /// The input as given.
         input: String,
-        /// What was looked for.
+        /// The expected content.
         reason: String,
     },
     /// The external decoder is missing or failed.
@@ -120,7 +121,7 @@ pub enum SourceError {
     Ffmpeg {
         /// The input as given.
         input: String,
-        /// What happened.
+        /// The failure.
         reason: String,
     },
     /// A stream or option does not describe frames.
@@ -128,7 +129,7 @@ pub enum SourceError {
     Format {
         /// The input as given.
         input: String,
-        /// What was expected and found.
+        /// The expected and the found.
         reason: String,
     },
 }

@@ -1,17 +1,18 @@
 //! A borrowed picture: pixels, size, stride, channel order. The tracker never copies it.
 
 use crate::error::FrameError;
+use std::fmt;
 
-/// How one pixel's bytes are to be read.
+/// Order and number of one pixel's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ChannelOrder {
     /// Three bytes: red, green, blue.
     Rgb,
     /// Three bytes: blue, green, red.
     Bgr,
-    /// Four bytes: red, green, blue and one that is ignored.
+    /// Four bytes: red, green, blue and an ignored one.
     Rgba,
-    /// Four bytes: blue, green, red and one that is ignored.
+    /// Four bytes: blue, green, red and an ignored one.
     Bgra,
     /// One byte, used for all three channels.
     Gray,
@@ -27,7 +28,9 @@ impl ChannelOrder {
         }
     }
 
-    /// Where blue, green and red lie within a pixel: the network reads BGR (spec section 2.3).
+    /// Offsets of blue, green and red within a pixel; the network reads BGR.
+    ///
+    /// Source: docs/method.md, section 2.3.
     pub const fn bgr_offsets(self) -> [usize; 3] {
         match self {
             ChannelOrder::Rgb | ChannelOrder::Rgba => [2, 1, 0],
@@ -37,7 +40,23 @@ impl ChannelOrder {
     }
 }
 
-/// One picture, borrowed from whoever decoded it.
+/// Width and height of a frame in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FrameSize {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+}
+
+impl fmt::Display for FrameSize {
+    /// `WIDTHxHEIGHT`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// One picture, borrowed from the caller.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     data: &'a [u8], // height rows of `stride` bytes; the last one may end after its pixels
@@ -51,7 +70,7 @@ impl<'a> Frame<'a> {
     /// Largest width and height accepted, in pixels.
     pub const MAX_SIDE: usize = 1 << 15;
 
-    /// A frame whose rows follow each other without a gap.
+    /// A frame without gaps between its rows.
     ///
     /// # Errors
     /// As [`with_stride`](Self::with_stride).
@@ -73,8 +92,8 @@ impl<'a> Frame<'a> {
     /// A frame whose rows start `stride` bytes apart.
     ///
     /// # Errors
-    /// If a side is 0 or above [`MAX_SIDE`](Self::MAX_SIDE), if the stride is shorter than a row, or if `data` ends
-    /// before the last pixel.
+    /// If a side is 0 or above [`MAX_SIDE`](Self::MAX_SIDE), the stride is shorter than a row, or
+    /// `data` ends before the last pixel.
     pub fn with_stride(
         data: &'a [u8],
         width: usize,
@@ -112,6 +131,14 @@ impl<'a> Frame<'a> {
         })
     }
 
+    /// Width and height in pixels.
+    pub fn size(&self) -> FrameSize {
+        FrameSize {
+            width: self.width,
+            height: self.height,
+        }
+    }
+
     /// Width in pixels.
     pub fn width(&self) -> usize {
         self.width
@@ -137,17 +164,20 @@ impl<'a> Frame<'a> {
         self.data
     }
 
-    /// The pixels of row `y`, without the gap behind them.
+    /// The pixels of row `y`, without the gap after them.
     pub fn row(&self, y: usize) -> &'a [u8] {
         &self.data[y * self.stride..][..self.width * self.order.bytes_per_pixel()]
     }
 
-    /// Mean of blue, green and red over all pixels, truncated: the color of what lies outside (spec section 2.2).
+    /// Mean of blue, green and red over all pixels, truncated: the border color of the crops.
+    ///
+    /// Source: docs/method.md, section 2.2.
     pub fn mean_bgr(&self) -> [u8; 3] {
-        let (step, offsets) = (self.order.bytes_per_pixel(), self.order.bgr_offsets());
+        let step = self.order.bytes_per_pixel();
+        let offsets = self.order.bgr_offsets();
         let mut sums = [0u64; 3];
         for y in 0..self.height {
-            let mut row_sums = [0u32; 3]; // 2^15 pixels of 255 fit
+            let mut row_sums = [0u32; 3]; // holds a row of 2^15 pixels of 255
             for pixel in self.row(y).chunks_exact(step) {
                 for (sum, offset) in row_sums.iter_mut().zip(offsets) {
                     *sum += u32::from(pixel[offset]);
@@ -166,7 +196,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn checks_its_bytes() {
+    fn frame_of_wrong_size_stride_or_data_is_refused() {
         let data = [0u8; 30];
         assert!(Frame::new(&data, 5, 2, ChannelOrder::Rgb).is_ok());
         assert!(Frame::with_stride(&data, 3, 2, 20, ChannelOrder::Rgb).is_ok());
@@ -186,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn mean_is_bgr_and_truncated() {
+    fn mean_of_a_frame_is_bgr_and_truncated() {
         let rgb = [10, 20, 30, 11, 21, 32, 99, 99]; // two pixels, then a gap
         let frame = Frame::with_stride(&rgb, 2, 1, 8, ChannelOrder::Rgb).unwrap();
         assert_eq!(frame.mean_bgr(), [31, 20, 10]);

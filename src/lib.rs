@@ -1,21 +1,34 @@
 //! Follows one object through video on a CPU: the DR-MIM tracker with hand-written SIMD kernels.
 //!
-//! ```no_run
-//! use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
+//! [`Tracker`] gives one box per frame. [`FlightTracker`] adds the probability that the box is on
+//! the target, coasts through occlusions and finds a lost target again.
 //!
-//! fn follow(mut frames: impl Iterator<Item = Vec<u8>>) -> Result<(), Box<dyn std::error::Error>> {
-//!     let mut tracker = Tracker::new(Model::builtin(Isa::detect()));
-//!     let first = frames.next().ok_or("no frame")?;
-//!     tracker.init(&Frame::new(&first, 640, 360, ChannelOrder::Rgb)?, BBox::new(310.0, 150.0, 40.0, 24.0))?;
-//!     for pixels in frames {
-//!         let track = tracker.update(&Frame::new(&pixels, 640, 360, ChannelOrder::Rgb)?)?;
-//!         println!("{:?} {:.2}", track.bbox, track.score);
-//!     }
-//!     Ok(())
-//! }
+//! ```
+//! use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, TrackError, Tracker};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let pixels = vec![128; 320 * 240 * 3];
+//! let frame = Frame::new(&pixels, 320, 240, ChannelOrder::Rgb)?;
+//!
+//! let mut tracker = Tracker::new(Model::builtin(Isa::detect()));
+//! tracker.init(&frame, BBox::new(110.0, 90.0, 40.0, 24.0))?;
+//! let track = tracker.update(&frame)?; // once per frame
+//! println!("{:?} {:.2}", track.bbox, track.score);
+//! # Ok(())
+//! # }
 //! ```
 //!
-//! Read `tracker.rs` first: a frame's way to its box starts in [`Tracker::update`].
+//! | module | what is in it |
+//! |---|---|
+//! | [`tracker`] | start here: one frame from pixels to a box |
+//! | [`net`] | the forward pass, stage by stage |
+//! | [`flight`] | presence, occlusion, re-detection |
+//! | [`model`] | built-in models, weights files, precision |
+//! | [`frame`], [`bbox`] | pixels and boxes |
+//! | `source` | frames from folders, videos and pipes (feature `source`) |
+//!
+//! The library allocates in [`Tracker::init`] and in the first [`Tracker::update`], then no more.
+//! Boxes are the same with any number of threads.
 
 #![forbid(unsafe_code)]
 
@@ -39,9 +52,9 @@ pub use bbox::BBox;
 pub use config::TrackConfig;
 pub use error::{FrameError, ModelError, TrackError};
 pub use flight::{FlightOptions, FlightTrack, FlightTracker, State};
-pub use frame::{ChannelOrder, Frame};
+pub use frame::{ChannelOrder, Frame, FrameSize};
 pub use kernels::Isa;
 pub use kernels::par::Cores;
 pub use model::{Model, Precision};
 pub use stages::Stages;
-pub use tracker::{SearchRegion, Track, Tracker, TrackerOptions, crop};
+pub use tracker::{SearchRegion, SizeChange, Track, Tracker, TrackerOptions, crop};

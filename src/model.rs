@@ -1,4 +1,4 @@
-//! A model: weights checked against their architecture and laid out for the kernels.
+//! A model: weights, checked against their architecture and laid out for the kernels.
 
 use crate::config::TrackConfig;
 use crate::error::ModelError;
@@ -28,18 +28,19 @@ struct Inner {
     plan: Vec<LayerPlan>,
 }
 
-/// What convolutions compute in.
+/// The arithmetic of the convolutions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// Single precision throughout.
     F32,
-    /// Integers where the weights file's calibration allows it, sums exact: bytes, or 16 bits where Winograd's algorithm is faster with them;
-    /// single precision elsewhere.
+    /// Integers with exact sums where the weights file's calibration allows it: bytes, or 16 bits
+    /// where Winograd's algorithm is faster with them. Single precision elsewhere.
     Int8,
 }
 
 impl Precision {
-    /// The faster one at equal accuracy: integers if the weights are calibrated and `isa` multiplies them faster than `f32`.
+    /// The faster precision: integers if the weights are calibrated and `isa` multiplies integers
+    /// faster than `f32`.
     pub fn best(weights: &Weights, isa: Isa) -> Precision {
         if weights.header.calibration.is_some() && isa.has_fast_integers() {
             Precision::Int8
@@ -48,14 +49,14 @@ impl Precision {
         }
     }
 
-    /// The precision called `name`, as [`name`](Self::name) gives it.
+    /// The precision with this [`name`](Self::name).
     pub fn from_name(name: &str) -> Option<Precision> {
         [Precision::F32, Precision::Int8]
             .into_iter()
             .find(|precision| precision.name() == name)
     }
 
-    /// Its name in reports and options.
+    /// Name in reports and options.
     pub fn name(self) -> &'static str {
         match self {
             Precision::F32 => "f32",
@@ -73,26 +74,25 @@ pub(crate) struct Layers {
     pub head: Head,
 }
 
-/// How one layer runs.
+/// The way one layer runs.
 #[derive(Clone, Debug)]
 pub struct LayerPlan {
     /// The layer and its shapes.
     pub layer: Layer,
     /// The algorithm of a convolution; `None` for the others.
     pub algorithm: Option<Algorithm>,
-    /// How a convolution's input may become integers, if it may.
+    /// Quantization of a convolution's input; `None` where it stays in `f32`.
     pub input: Option<Quantization>,
 }
 
-/// The models that travel in the program. The first is the standard one.
-static BUILTIN: [(&str, &[u8]); 3] = [
+/// The built-in models; the first is the standard one.
+static BUILTIN: [(&str, &[u8]); 2] = [
     ("drmim-p50", include_bytes!("builtin/drmim-p50.safetensors")),
-    ("drmim-p75", include_bytes!("builtin/drmim-p75.safetensors")),
     ("drmim-p82", include_bytes!("builtin/drmim-p82.safetensors")),
 ];
 
 impl Model {
-    /// The standard model that travels in the program: DR-MIM at the paper's pruning ratio.
+    /// The standard built-in model: DR-MIM at the paper's pruning ratio.
     pub fn builtin(isa: Isa) -> Model {
         Model::from_weights(&Model::builtin_weights(), isa)
             .expect("the built-in weights fit their architecture")
@@ -103,12 +103,14 @@ impl Model {
         Weights::from_bytes(BUILTIN[0].1).expect("the built-in model is a valid weights file")
     }
 
-    /// Names of the models that travel in the program, the standard one first.
+    /// Names of the built-in models, the standard one first.
     pub fn builtin_names() -> impl Iterator<Item = &'static str> {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
-    /// The weights that a user asks for: of the built-in model of that name, else of that file; of the standard model if of none.
+    /// The weights that a user asks for: a built-in model by its name, else a file by its path.
+    ///
+    /// `None` is the standard model.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -116,18 +118,19 @@ impl Model {
         let Some(path) = model else {
             return Ok(Model::builtin_weights());
         };
-        Ok(
-            match BUILTIN.iter().find(|(name, _)| path == Path::new(name)) {
-                Some((_, bytes)) => Weights::from_bytes(bytes)?,
-                None => Weights::read(path)?,
-            },
-        )
+        let builtin = BUILTIN.iter().find(|(name, _)| path == Path::new(name));
+        let weights = match builtin {
+            Some((_, bytes)) => Weights::from_bytes(bytes)?,
+            None => Weights::read(path)?,
+        };
+        Ok(weights)
     }
 
     /// Reads a weights file.
     ///
     /// # Errors
-    /// If the file cannot be read or is not a valid weights file; the message names the file and the tensor or field.
+    /// If the file cannot be read or is not a valid weights file. The message names the file and the
+    /// tensor or field.
     pub fn read(path: &Path, isa: Isa) -> Result<Model, ModelError> {
         Model::from_weights(&Weights::read(path)?, isa)
     }
@@ -140,8 +143,8 @@ impl Model {
         Model::from_weights(&Weights::from_bytes(bytes)?, isa)
     }
 
-    /// Lays out weights for `isa` in the [best](Precision::best) precision, each layer for the algorithm that is expected
-    /// to be fastest.
+    /// Lays out weights for `isa` in the [best](Precision::best) precision, each layer for its
+    /// fastest algorithm.
     ///
     /// # Errors
     /// If the weights do not fit their own architecture.
@@ -152,7 +155,8 @@ impl Model {
     /// Lays out weights for `isa` in `precision`.
     ///
     /// # Errors
-    /// If the weights do not fit their own architecture, or bytes are asked of weights without calibration.
+    /// If the weights do not fit their own architecture, or `int8` is asked of weights without a
+    /// calibration.
     pub fn with_precision(
         weights: &Weights,
         isa: Isa,
@@ -166,7 +170,7 @@ impl Model {
         Model::build(weights, isa, precision, None)
     }
 
-    /// Lays out weights for `isa` in `f32`, every layer that it can compute for one algorithm.
+    /// Lays out weights for `isa` in `f32`, every layer with `algorithm` where it is supported.
     ///
     /// # Errors
     /// If the weights do not fit their own architecture.
@@ -205,7 +209,7 @@ impl Model {
         })
     }
 
-    /// What the weights file says about itself.
+    /// The weights file's header.
     pub fn header(&self) -> &Header {
         &self.inner.header
     }
@@ -215,22 +219,22 @@ impl Model {
         &self.inner.header.architecture
     }
 
-    /// The instruction set the weights are laid out for.
+    /// The instruction set that the weights are laid out for.
     pub fn isa(&self) -> Isa {
         self.inner.isa
     }
 
-    /// What its convolutions compute in.
+    /// The arithmetic of its convolutions.
     pub fn precision(&self) -> Precision {
         self.inner.precision
     }
 
-    /// The tracker's hyper-parameters that this model was made for.
+    /// The model's own hyper-parameters of the tracker.
     pub fn config(&self) -> TrackConfig {
         TrackConfig::from(&self.inner.header.tracker)
     }
 
-    /// Every layer in execution order with the algorithm it runs.
+    /// Every layer in execution order with its algorithm.
     pub fn plan(&self) -> Vec<LayerPlan> {
         self.inner.plan.clone()
     }
@@ -240,7 +244,7 @@ impl Model {
     }
 }
 
-/// Finds each layer's weights by name and lays them out; the weights have passed their check.
+/// Lays out each layer's weights; expects weights that passed their check.
 struct Builder<'a> {
     weights: &'a Weights,
     isa: Isa,
@@ -290,7 +294,7 @@ impl Builder<'_> {
         )
     }
 
-    /// conv1 with the input normalization folded in; exact, because it has no padding.
+    /// conv1 with the input normalization folded in, which is exact because conv1 has no padding.
     fn first_conv(&self) -> Conv {
         let (layer, weight, bias) = self.parts("backbone.conv1");
         let (weight, bias) = fold_normalization(&self.weights.header.input, weight, bias);
@@ -303,31 +307,31 @@ impl Builder<'_> {
         )
     }
 
-    /// The algorithm of a convolution, chosen for the larger of the maps it works on.
+    /// The algorithm of a convolution, chosen for the larger of its input maps.
     fn algorithm(&self, layer: &Layer) -> Algorithm {
         let shape = conv_shape(layer);
         let out = layer.out_search.max(layer.out_template);
         let size = Size::square((out - 1) * shape.stride + shape.kernel - 2 * shape.pad);
-        match (self.quantization(layer), self.algorithm) {
-            (Some(quantization), _) => {
-                Algorithm::plan_integers(self.isa, &shape, size, quantization)
-            }
-            (None, Some(asked)) => asked.supported(&shape),
-            (None, None) => Algorithm::plan(&shape, size),
+        if let Some(quantization) = self.quantization(layer) {
+            return Algorithm::plan_integers(self.isa, &shape, size, quantization);
+        }
+        match self.algorithm {
+            Some(asked) => asked.supported(&shape),
+            None => Algorithm::plan(&shape, size),
         }
     }
 
-    /// How a convolution's input becomes integers, if it may.
+    /// Quantization of a convolution's input; `None` where it stays in `f32`.
     fn quantization(&self, layer: &Layer) -> Option<Quantization> {
         let calibration = self.weights.header.calibration.as_ref()?;
-        match (self.precision, layer.name.as_str()) {
-            (Precision::F32, _) => None,
-            (Precision::Int8, "backbone.conv1") => Some(Quantization::PIXELS),
-            (Precision::Int8, name) => calibration
-                .inputs
-                .get(name)
-                .map(|range| Quantization::of_range(range.low, range.high)),
+        if self.precision == Precision::F32 {
+            return None;
         }
+        if layer.name == "backbone.conv1" {
+            return Some(Quantization::PIXELS);
+        }
+        let range = calibration.inputs.get(&layer.name)?;
+        Some(Quantization::of_range(range.low, range.high))
     }
 
     fn plan(&self) -> Vec<LayerPlan> {
@@ -355,7 +359,7 @@ impl Builder<'_> {
     }
 }
 
-/// What a convolution of the network computes, in the kernels' terms.
+/// The kernels' description of a convolution of the network.
 pub fn conv_shape(layer: &Layer) -> ConvShape {
     ConvShape {
         in_channels: layer.in_channels,
@@ -367,8 +371,8 @@ pub fn conv_shape(layer: &Layer) -> ConvShape {
     }
 }
 
-/// Weights and bias that give on pixels what the given ones (`[Cout, k, k, 3]`, `[Cout]`) give on
-/// `(pixel - mean) / std`.
+/// Weights and bias that compute on pixels what `weight` (`[Cout, k, k, 3]`) and `bias` (`[Cout]`)
+/// compute on `(pixel - mean) / std`.
 fn fold_normalization(
     input: &InputNormalization,
     weight: &[f32],
@@ -398,7 +402,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn normalization_folds_exactly() {
+    fn convolution_with_folded_normalization_gives_the_same_outputs() {
         let input = InputNormalization {
             mean: [114.0, 10.0, 0.0],
             std: [58.0, 2.0, 1.0],

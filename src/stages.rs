@@ -1,11 +1,11 @@
-//! Time per stage of the last frame.
+//! The time that each stage of a frame takes.
 
 use std::time::{Duration, Instant};
 
-/// What a frame's time went to, in the order of work.
+/// Time per stage of one frame, in the order of work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stages {
-    /// Cutting the search crop.
+    /// The search crop.
     pub crop: Duration,
     /// conv1 to conv5.
     pub backbone: Duration,
@@ -17,9 +17,9 @@ pub struct Stages {
     pub xcorr: Duration,
     /// The two towers and their outputs.
     pub head: Duration,
-    /// Response of the online filter, and what it learns.
+    /// The online filter: its response and its update.
     pub filter: Duration,
-    /// From the outputs to the box.
+    /// The choice of the box from the outputs.
     pub select: Duration,
 }
 
@@ -45,7 +45,7 @@ impl Stages {
     }
 }
 
-/// Hands out the time since it was last asked.
+/// A stopwatch that restarts at every reading.
 pub(crate) struct Lap(Instant);
 
 impl Lap {
@@ -53,6 +53,7 @@ impl Lap {
         Lap(Instant::now())
     }
 
+    /// The time since the last reading.
     pub(crate) fn lap(&mut self) -> Duration {
         let now = Instant::now();
         now - std::mem::replace(&mut self.0, now)

@@ -416,9 +416,9 @@ fn a_weights_file_of_ones_own() {
 
 #[test]
 fn the_small_model_by_name() {
-    let about = run(["info", "drmim-p75", "--json"], b"");
+    let about = run(["info", "drmim-p82", "--json"], b"");
     let object: Value = serde_json::from_str(&stdout(&about)).unwrap();
-    assert_eq!(object["name"], "drmim-p75");
+    assert_eq!(object["name"], "drmim-p82");
     let standard: Value = serde_json::from_str(&stdout(&run(["info", "--json"], b""))).unwrap();
     assert_eq!(standard["name"], "drmim-p50");
     let folder = folder("cli-small");
@@ -432,7 +432,7 @@ fn the_small_model_by_name() {
             "--init",
             &init,
             "--model",
-            "drmim-p75",
+            "drmim-p82",
         ],
         b"",
     );

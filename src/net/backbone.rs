@@ -1,4 +1,7 @@
-//! The backbone: AlexNet without padding. `[127, 127, 3] -> [6, 6, C]`, `[303, 303, 3] -> [28, 28, C]`.
+//! The backbone: AlexNet without padding.
+//!
+//! `[127, 127, 3] -> [6, 6, C]` for the template, `[303, 303, 3] -> [28, 28, C]` for the search
+//! region.
 
 use super::context::Context;
 use super::map::Map;

@@ -1,4 +1,4 @@
-//! The forward pass, written out: template crop -> [`TemplateFeatures`], search crop -> [`Outputs`].
+//! The forward pass: template crop -> [`TemplateFeatures`], search crop -> [`Outputs`].
 //!
 //! ```text
 //! template crop -> backbone -> dr (E2) -> neck -> TemplateFeatures           once per target
@@ -286,7 +286,7 @@ fn correlate(
 mod tests {
     use super::*;
     use kernels::Isa;
-    use weights_format::{Weights, Widths};
+    use weights_format::{Architecture, Weights, Widths};
 
     #[test]
     fn the_window_at_the_middle_holds_what_a_template_crop_gives() {

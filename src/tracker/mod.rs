@@ -20,7 +20,7 @@ mod view;
 use crate::bbox::{BBox, FrameBox};
 use crate::config::TrackConfig;
 use crate::error::TrackError;
-use crate::frame::Frame;
+use crate::frame::{Frame, FrameSize};
 use crate::model::Model;
 use crate::net::Network;
 use crate::stages::{Lap, Stages};
@@ -49,6 +49,7 @@ pub struct Tracker {
     crop: Vec<u8>,
     target: Option<Target>,
     seen: Option<Seen>,
+    size_change: Option<SizeChange>,
     stages: Stages,
 }
 
@@ -112,14 +113,64 @@ pub struct Track {
     pub penalized_score: f32,
 }
 
+/// A change of the frame's size, as of a stream that switches its resolution.
+///
+/// The picture is taken to be stretched, not cropped: positions and lengths scale with the sides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SizeChange {
+    /// Size of the frame before.
+    pub from: FrameSize,
+    /// Size of the frame after.
+    pub to: FrameSize,
+}
+
+impl SizeChange {
+    /// Factor of horizontal lengths.
+    pub fn x(&self) -> f32 {
+        self.to.width as f32 / self.from.width as f32
+    }
+
+    /// Factor of vertical lengths.
+    pub fn y(&self) -> f32 {
+        self.to.height as f32 / self.from.height as f32
+    }
+
+    /// A box of the frame before in pixels of the frame after.
+    pub fn rescale(&self, bbox: &FrameBox) -> FrameBox {
+        // Pixel `i` covers `i - 0.5 .. i + 0.5`, so that the frame's edge is at -0.5.
+        let position = |at: f32, factor: f32| (at + 0.5) * factor - 0.5;
+        FrameBox {
+            cx: position(bbox.cx, self.x()),
+            cy: position(bbox.cy, self.y()),
+            w: bbox.w * self.x(),
+            h: bbox.h * self.y(),
+        }
+    }
+}
+
 /// State of one target.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     bbox: FrameBox,
-    border: [u8; 3], // mean color of the first frame, BGR
+    frame: FrameSize, // of the last frame, whose pixels `bbox` and `first_side` are in
+    first_side: f32,  // the shorter side of the first box
+    border: [u8; 3],  // mean color of the first frame, BGR
     correction: Correction,
 }
 
+impl Target {
+    /// Smallest side of a box: [`TrackConfig::min_size`] or, if less, half of the first side.
+    ///
+    /// A bound near the target's own size would hold its box above the target. A bound far below
+    /// would let the box collapse onto a part of it.
+    fn min_size(&self, config: &TrackConfig) -> f32 {
+        let half = (self.first_side / 2.0).max(LEAST_SIDE);
+        config.min_size.min(half)
+    }
+}
+
+/// Least bound on a box's side in pixels, however small the target is.
+const LEAST_SIDE: f32 = 2.0;
 /// Least score of a frame from which template and filter learn.
 const LEARNED_FROM: f64 = 0.3;
 /// Score below which the tracker searches a wider region, if it has a filter.
@@ -148,6 +199,7 @@ impl Tracker {
             crop: Vec::new(),
             target: None,
             seen: None,
+            size_change: None,
             stages: Stages::default(),
         }
     }
@@ -161,6 +213,8 @@ impl Tracker {
         check_box(frame, bbox)?;
         let mut target = Target {
             bbox: bbox.center(),
+            frame: frame.size(),
+            first_side: bbox.w.min(bbox.h),
             border: frame.mean_bgr(),
             correction: Correction::NONE,
         };
@@ -175,6 +229,7 @@ impl Tracker {
             target.correction = self.search_first_frame(frame, &target);
         }
         self.target = Some(target);
+        self.size_change = None;
         Ok(())
     }
 
@@ -196,9 +251,12 @@ impl Tracker {
 
     /// Finds the target in the next frame, near its last box, and learns its look there.
     ///
+    /// The frame may have another size than the last one: see [`size_change`](Self::size_change).
+    ///
     /// # Errors
     /// If there is no target yet.
     pub fn update(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
+        self.adapt_to(frame);
         let before = self.target.ok_or(TrackError::NoTarget)?;
         let track = self.find(frame)?;
         if self.has_slipped(&track) {
@@ -206,6 +264,31 @@ impl Tracker {
         }
         self.learn();
         Ok(track)
+    }
+
+    /// Rescales the target if the frame's size changed, and notes the change.
+    pub(crate) fn adapt_to(&mut self, frame: &Frame<'_>) -> Option<SizeChange> {
+        self.size_change = None;
+        let target = self.target.as_mut()?;
+        let change = SizeChange {
+            from: target.frame,
+            to: frame.size(),
+        };
+        if change.from != change.to {
+            target.bbox = change.rescale(&target.bbox);
+            target.first_side *= change.x().min(change.y());
+            target.frame = change.to;
+            self.seen = None;
+            self.size_change = Some(change);
+        }
+        self.size_change
+    }
+
+    /// The change of the frame's size at the last [`update`](Self::update); `None` if it stayed.
+    ///
+    /// The tracker rescales its target and goes on. A caller may want to tell its user.
+    pub fn size_change(&self) -> Option<SizeChange> {
+        self.size_change
     }
 
     /// Whether the target may have left the search region, and a filter could recognize it
@@ -256,7 +339,8 @@ impl Tracker {
             let selector = &self.views.of(seen.extent).selector;
             target.bbox = selector.smooth(choice, &target.bbox, &seen.placement, &self.config);
         }
-        target.bbox = self.clamped(frame, &target.bbox);
+        let min_size = target.min_size(&self.config);
+        target.bbox = target.bbox.clamped(frame.width(), frame.height(), min_size);
         self.target = Some(target);
         let score = seen.choice.map_or(0.0, |choice| choice.score);
         let penalized_score = seen.choice.map_or(0.0, |choice| choice.penalized_score);
@@ -269,7 +353,11 @@ impl Tracker {
 
     /// The box with its center inside the frame and its size between the bounds for this target.
     pub(crate) fn clamped(&self, frame: &Frame<'_>, bbox: &FrameBox) -> FrameBox {
-        bbox.clamped(frame.width(), frame.height(), self.config.min_size)
+        let config = &self.config;
+        let min_size = self
+            .target
+            .map_or(config.min_size, |target| target.min_size(config));
+        bbox.clamped(frame.width(), frame.height(), min_size)
     }
 
     /// Learns the target's look from the last search, if its choice scored high enough.

@@ -1,4 +1,4 @@
-//! Weights as bytes: a safetensors container whose metadata hold the header under one key.
+//! Weights as bytes: a safetensors container with the header under one metadata key.
 
 use crate::{
     error::{ReadError, WriteError},
@@ -11,13 +11,13 @@ use std::{borrow::Cow, collections::HashMap};
 
 /// Largest file accepted: more than six times the unpruned network in f32.
 pub const MAX_FILE_BYTES: u64 = 256 << 20;
-/// Largest JSON header accepted; the unpruned network's has about 6,000 bytes.
+/// Largest JSON header accepted; the unpruned network's header has about 6,000 bytes.
 pub const MAX_HEADER_BYTES: u64 = 1 << 20;
 
 /// The key of the container's metadata that holds the [`Header`] as JSON.
 const KEY: &str = "track-cpu";
 
-/// The type under which a tensor is stored: biases and other vectors stay f32.
+/// The stored type of a tensor; biases and other vectors stay f32.
 fn dtype(storage: Storage, shape: &[usize]) -> Dtype {
     match storage {
         Storage::F16 if shape.len() > 1 => Dtype::F16,
@@ -29,8 +29,8 @@ impl Weights {
     /// Reads a weights file from memory and checks all of it.
     ///
     /// # Errors
-    /// Says which part of the container, which metadata field or which tensor is wrong, what was expected there and
-    /// what was found.
+    /// Names the part of the container, the metadata field or the tensor that is wrong, what was
+    /// expected there and what was found.
     pub fn from_bytes(bytes: &[u8]) -> Result<Weights, ReadError> {
         let (metadata, data) = split(bytes)?;
         let mut json = None;
@@ -69,11 +69,11 @@ impl Weights {
         Ok(weights)
     }
 
-    /// The weights as a file; the same weights always give the same bytes.
+    /// The bytes of a weights file; the same weights always give the same bytes.
     ///
     /// # Errors
-    /// Weights that [`check`](Self::check) refuses, that are larger than [`MAX_FILE_BYTES`] or [`MAX_HEADER_BYTES`]
-    /// allow, or of which a value does not fit the storage type.
+    /// If [`check`](Self::check) refuses the weights, they are larger than [`MAX_FILE_BYTES`] or
+    /// [`MAX_HEADER_BYTES`] allow, or a value does not fit the storage type.
     pub fn to_bytes(&self) -> Result<Vec<u8>, WriteError> {
         self.check()?;
         let encoded: Vec<_> = self
@@ -88,7 +88,7 @@ impl Weights {
     }
 }
 
-/// The container's description, whose tensors lie back to back in the data, and the data.
+/// The container's metadata and its data, in which the tensors lie back to back.
 ///
 /// Every length is bounded before anything is allocated for it.
 fn split(bytes: &[u8]) -> Result<(Metadata, &[u8]), ReadError> {

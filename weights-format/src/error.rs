@@ -1,17 +1,17 @@
-//! What can be wrong with a weights file, or with weights that are to become one.
+//! Errors of reading and writing weights files.
 
 use crate::architecture::ArchitectureError;
 use std::{io, path::PathBuf};
 
-/// Why bytes are not a valid weights file, or [`Weights`](crate::Weights) are not complete.
+/// Reason why bytes are not a valid weights file, or [`Weights`](crate::Weights) are incomplete.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// Any of the others, with the file's name.
+    /// One of the other errors, with the file's name.
     #[error("{}: {error}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error in it.
         error: Box<ReadError>,
     },
     /// The operating system refused.
@@ -20,11 +20,11 @@ pub enum ReadError {
     /// The bytes are not a safetensors container of an acceptable size.
     #[error("{part}: expected {expected}, found {found}")]
     Container {
-        /// Which part of the container.
+        /// The part of the container.
         part: &'static str,
-        /// What would have been accepted.
+        /// The accepted values.
         expected: String,
-        /// What was found.
+        /// The found value.
         found: String,
     },
     /// A metadata field is missing, of the wrong type or out of range.
@@ -32,12 +32,12 @@ pub enum ReadError {
     Metadata {
         /// The field, as a path from the metadata object.
         field: String,
-        /// What would have been accepted.
+        /// The accepted values.
         expected: String,
-        /// What was found.
+        /// The found value.
         found: String,
     },
-    /// The metadata describe a network that cannot be built.
+    /// The metadata describe a network that cannot run.
     #[error(transparent)]
     Architecture(#[from] ArchitectureError),
     /// A tensor is missing, unexpected, or has the wrong type, shape or values.
@@ -45,9 +45,9 @@ pub enum ReadError {
     Tensor {
         /// The tensor.
         name: String,
-        /// What would have been accepted.
+        /// The accepted values.
         expected: String,
-        /// What was found.
+        /// The found value.
         found: String,
     },
 }
@@ -86,10 +86,10 @@ impl ReadError {
     }
 }
 
-/// Why weights cannot be written.
+/// Reason why weights cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// They would not be read back: incomplete, wrong shapes, values out of range.
+    /// No reader would accept the weights: incomplete, wrong shapes, values out of range.
     #[error("refused to write: {0}")]
     Invalid(#[from] ReadError),
     /// A value is too large for the storage type.
@@ -105,14 +105,14 @@ pub enum WriteError {
     /// The operating system refused.
     #[error("{}: cannot be written: {error}", path.display())]
     Io {
-        /// The file that was to be written.
+        /// The file to write.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         error: io::Error,
     },
 }
 
-/// A stranger's text, cut to a length and stripped of control characters, fit for a message.
+/// Untrusted text, cut to a length and stripped of control characters, fit for a message.
 fn brief(text: impl ToString) -> String {
     const LONGEST: usize = 200;
     let text = text.to_string();

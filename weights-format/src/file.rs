@@ -17,7 +17,7 @@ impl Weights {
     /// Reads a weights file and checks all of it.
     ///
     /// # Errors
-    /// Names the file and says, as [`from_bytes`](Self::from_bytes) does, what is wrong with it.
+    /// Those of [`from_bytes`](Self::from_bytes), with the file's name.
     pub fn read(path: &Path) -> Result<Weights, ReadError> {
         let name = |error| ReadError::File {
             path: path.into(),
@@ -27,10 +27,10 @@ impl Weights {
         Weights::from_bytes(&bytes).map_err(name)
     }
 
-    /// Writes a weights file: beside its place first, then renamed, so that no reader ever sees half of it.
+    /// Writes a weights file atomically, so that no reader ever sees half of it.
     ///
     /// # Errors
-    /// Those of [`to_bytes`](Self::to_bytes), and whatever the file system refuses.
+    /// Those of [`to_bytes`](Self::to_bytes) and those of the file system.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         let bytes = self.to_bytes()?;
         write_atomically(path, &bytes).map_err(|error| WriteError::Io {
@@ -40,8 +40,9 @@ impl Weights {
     }
 }
 
-/// Reads a file of at most `most` bytes, and no more than one byte beyond that, whatever its metadata say about its
-/// length.
+/// Reads a file of at most `most` bytes.
+///
+/// Reads at most one byte more, even if the file's metadata claim another length.
 pub(crate) fn read_bounded(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     let file = File::open(path)?;
     let length = file.metadata()?.len();
@@ -57,7 +58,7 @@ pub(crate) fn read_bounded(path: &Path, most: u64) -> Result<Vec<u8>, ReadError>
     Ok(bytes)
 }
 
-/// Writes a file beside its place, then renames it.
+/// Writes a temporary file in the same directory, then renames it to `path`.
 pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let temporary = beside(path)?;
     let written = File::create_new(&temporary).and_then(|mut file| {
@@ -66,13 +67,13 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
         fs::rename(&temporary, path)
     });
     if written.is_err() {
-        // The first error is the one worth reporting; there may be nothing to remove.
+        // The first error matters to the caller, and there may be nothing to remove.
         let _ = fs::remove_file(&temporary);
     }
     written
 }
 
-/// A name in the same directory that no other writer uses.
+/// A path in the same directory that no other writer uses.
 fn beside(path: &Path) -> io::Result<PathBuf> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let Some(name) = path.file_name() else {

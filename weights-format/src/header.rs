@@ -1,4 +1,4 @@
-//! Everything a weights file says beside its tensors, and the bounds within which it is believed.
+//! The metadata of a weights file and their bounds.
 
 use crate::architecture::{Architecture, LayerKind};
 use crate::error::ReadError;
@@ -6,30 +6,32 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use std::{collections::BTreeMap, ops::RangeInclusive};
 
-/// The one version of the format that this crate reads and writes.
+/// The only version of the format that this crate reads and writes.
 pub(crate) const FORMAT_VERSION: u64 = 1;
 
-/// What a file says about its network, beside the tensors.
+/// The metadata of a weights file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
     /// Determines every tensor's name and shape.
     pub architecture: Architecture,
-    /// Share of filters that pruning removed, in `[0, 1)`; `None` where no single ratio describes the widths.
+    /// Share of filters that pruning removed, in `[0, 1)`; `None` where no single ratio describes
+    /// the widths.
     pub pruning_ratio: Option<f64>,
     /// From crop pixels to network input.
     pub input: InputNormalization,
-    /// The tracker's constants that suit these weights.
+    /// The tracker's constants for these weights.
     pub tracker: TrackerParams,
     /// Type of the weights in the file.
     pub storage: Storage,
-    /// What convolutions in `int8` need to know; `None` if nobody measured it.
+    /// Ranges for convolutions in `int8`; `None` before a calibration.
     pub calibration: Option<Calibration>,
-    /// Where the weights come from.
+    /// Origin of the weights.
     pub provenance: Provenance,
 }
 
 impl Header {
-    /// A header with the pruning ratio of the widths, default input and tracker, f32 storage, no calibration and empty provenance.
+    /// A header with the pruning ratio of the widths, default input and tracker, f32 storage, no
+    /// calibration and empty provenance.
     pub fn new(architecture: Architecture) -> Header {
         Header {
             architecture,
@@ -54,15 +56,16 @@ pub enum ChannelOrder {
 
 /// Network input = `(pixel - mean) / std` per channel, with pixels in 0..=255.
 ///
-/// The default is BGR as it is: mean 0, std 1 (spec section 2.3).
+/// The default is plain BGR: mean 0, std 1.
+/// Source: docs/method.md, section 2.3.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputNormalization {
     /// Order of the channels of the input and of `mean` and `std`.
     pub channel_order: ChannelOrder,
-    /// Subtracted, in pixel values.
+    /// Subtracted mean, in pixel values.
     pub mean: [f32; 3],
-    /// Divided by, in pixel values; positive.
+    /// Divisor in pixel values, positive.
     pub std: [f32; 3],
 }
 
@@ -77,7 +80,7 @@ impl Default for InputNormalization {
 }
 
 impl InputNormalization {
-    /// What this project's trainer feeds its networks: pixels around 0, of a spread around 1.
+    /// The normalization of this project's trainer: pixels near 0, with a spread near 1.
     pub const TRAINED: InputNormalization = InputNormalization {
         channel_order: ChannelOrder::Bgr,
         mean: [114.0; 3],
@@ -93,11 +96,11 @@ impl InputNormalization {
         Ok(())
     }
 
-    /// Rewrites a first convolution made for this input so that it computes the same of `other`'s input of the same pixels:
-    /// `weight` is `[Cout, kh, kw, 3]`, `bias` is `[Cout]`, and there is no padding. Nothing changes if both inputs are the
-    /// same.
+    /// Rewrites a first convolution for another normalization of the same pixels.
     ///
-    /// Panics if there are not three input channels.
+    /// The outputs on `other`'s input then equal those on this one's. `weight` is
+    /// `[Cout, kh, kw, 3]`, `bias` is `[Cout]`, and the convolution has no padding. A no-op if both
+    /// normalizations are the same. Panics if there are not three input channels.
     pub fn translate(&self, other: &InputNormalization, weight: &mut [f32], bias: &mut [f32]) {
         if self == other {
             return;
@@ -123,7 +126,9 @@ impl InputNormalization {
     }
 }
 
-/// The tracker's constants; the default is the row for UAV benchmarks (spec section 2.7, row 1).
+/// The tracker's constants; the default is the published row for UAV benchmarks.
+///
+/// Source: docs/method.md, section 2.7.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrackerParams {
@@ -135,15 +140,15 @@ pub struct TrackerParams {
     pub window_influence: f64,
     /// Strength of the penalty on changes of size and aspect.
     pub penalty_k: f64,
-    /// Smallest side of a box in image pixels.
+    /// Smallest side of a box in frame pixels, except for targets that start smaller.
     pub min_size: f32,
-    /// Share of the network's error in the first frame that is taken out of all later boxes; none if absent.
+    /// Share of the network's error in the first frame that corrects every later box; 0 if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub correction: f64,
-    /// Share of the target's later looks in the template; none if absent.
+    /// Share of later frames in the template; 0 if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub template_update: f64,
-    /// Share of the online filter's response in the score; none if absent.
+    /// Share of the online filter's response in the score; 0 if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub online_filter: f64,
 }
@@ -178,14 +183,16 @@ pub enum Storage {
     F16,
 }
 
-/// The ranges of activations, measured on pictures: what turns them into bytes.
+/// The ranges of activations, measured on pictures, that quantize them to bytes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// How the ranges were chosen, and on what, in words for people.
+    /// How and on which pictures the ranges were chosen, for people.
     pub method: String,
-    /// By convolution: the range of its input that 256 steps are spread over. Convolutions that are not listed stay in `f32`;
-    /// `backbone.conv1`, whose input is pixels, needs no range.
+    /// Range of a convolution's input that 256 steps cover, by the convolution's name.
+    ///
+    /// Convolutions that are not listed stay in `f32`, except for `backbone.conv1`: its input is
+    /// pixels and needs no range.
     pub inputs: BTreeMap<String, Range>,
 }
 
@@ -193,25 +200,25 @@ pub struct Calibration {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Range {
-    /// Its lower end, at most 0.
+    /// Lower end, at most 0.
     pub low: f32,
-    /// Its upper end, at least 0 and above the lower one.
+    /// Upper end, at least 0 and above the lower end.
     pub high: f32,
 }
 
-/// Where weights come from, in words for people.
+/// Origin of the weights, for people.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Short name of the model.
     pub name: String,
-    /// What it was made from or by.
+    /// Origin of the model: a checkpoint, a training.
     pub source: String,
-    /// Anything else worth keeping: a key and a text each.
+    /// Further notes: a key and a text each.
     pub notes: BTreeMap<String, String>,
 }
 
-/// The metadata object as it is written.
+/// The metadata object of a written file.
 #[derive(Serialize)]
 struct Written<'a> {
     format_version: u64,
@@ -225,7 +232,7 @@ struct Written<'a> {
     provenance: &'a Provenance,
 }
 
-/// The metadata object as it is found: every required field is there, none is looked into yet.
+/// The metadata object of a read file: all required fields are present, none is parsed.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Found<'a> {
@@ -247,7 +254,7 @@ struct Found<'a> {
     provenance: &'a RawValue,
 }
 
-/// Only the version: read first, so that a newer file is called newer and not malformed.
+/// The version alone, read first so that a newer file is reported as newer, not as malformed.
 #[derive(Deserialize)]
 struct Version {
     format_version: u64,
@@ -434,7 +441,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_translated_convolution_computes_the_same_of_the_same_pixels() {
+    fn translated_convolution_gives_the_same_outputs_on_the_same_pixels() {
         let plain = InputNormalization::default();
         let odd = InputNormalization {
             mean: [10.0, 20.0, 30.0],

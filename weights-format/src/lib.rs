@@ -1,4 +1,6 @@
-//! The tracker's weights file: bytes <-> named, typed, checked tensors. `FORMAT.md` is the normative description.
+//! The tracker's weights file: bytes <-> named, typed, checked tensors.
+//!
+//! `FORMAT.md` is the normative description.
 //!
 //! ```
 //! use weights_format::{Architecture, Encoder, Weights, Widths};
@@ -13,10 +15,10 @@
 //! | file | what is in it |
 //! |---|---|
 //! | `architecture` | widths, encoder, crop sizes; the layers and tensors that follow from them |
-//! | `header` | everything a file says beside its tensors, with its bounds |
+//! | `header` | a file's metadata and their bounds |
 //! | `weights` | header and tensors together: insert, look up, check, random |
 //! | `container` | bytes: the safetensors container, f32 and f16 |
-//! | `unfolded` | a network before folding: between PyTorch and the trainer |
+//! | `unfolded` | a network before folding, exchanged between PyTorch and the trainer |
 //! | `file` | paths: bounded reading, atomic writing |
 
 #![forbid(unsafe_code)]

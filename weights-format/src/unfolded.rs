@@ -1,9 +1,11 @@
-//! A network before folding: its parameters with batch normalization and the head's scalars apart, in a file of its own.
+//! A network before folding: parameters with batch normalization and the head's scalars separate.
 //!
-//! This is what passes between PyTorch and the trainer; the tracker never sees it. A safetensors container of f32
-//! tensors named `parameter.<name>`, with one metadata key `parameters`: an object of `format` (1), `architecture`, `input`
-//! and `source`. The trainer's checkpoints are read as well: they hold the same tensors beside others, and say the
-//! architecture under `trainer`.
+//! PyTorch and the trainer exchange this file; the tracker never reads it. It is a safetensors
+//! container of f32 tensors named `parameter.<name>`. Its only metadata key is `parameters`: an
+//! object of `format` (1), `architecture`, `input` and `source`.
+//!
+//! The trainer's checkpoints can be read as well. They hold the same tensors beside others, and the
+//! architecture under the key `trainer`.
 
 use crate::{
     architecture::{Architecture, LayerKind},
@@ -19,24 +21,25 @@ use std::{
     path::Path,
 };
 
-/// Largest file accepted: the unpruned network with an optimizer's state and the networks that only training needs.
+/// Largest file accepted: the unpruned network, the optimizer's state and the networks of training.
 const MAX_BYTES: u64 = 1 << 30;
 const FORMAT: u32 = 1;
 const KEY: &str = "parameters";
 const TRAINER: &str = "trainer";
 
-/// A network's parameters as they are trained.
+/// The trained parameters of a network.
 ///
-/// For every convolution `<name>` there is `<name>.weight` (`[Cout, kh, kw, Cin]`) and `<name>.bias` (`[Cout]`), with
-/// batch normalization also `<name>.bn.scale`, `.bn.shift`, `.bn.mean`, `.bn.variance` (`[Cout]`); and `head.si`,
-/// `head.bi` (`[]`): distances are `exp(si o + bi) * 8`.
+/// Every convolution `<name>` has `<name>.weight` (`[Cout, kh, kw, Cin]`) and `<name>.bias`
+/// (`[Cout]`). One with batch normalization also has `<name>.bn.scale`, `.bn.shift`, `.bn.mean` and
+/// `.bn.variance` (`[Cout]`). The scalars `head.si` and `head.bi` (`[]`) give the distances
+/// `exp(si o + bi) * 8`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unfolded {
     /// Determines every tensor's name and shape.
     pub architecture: Architecture,
-    /// What the network expects of pixels.
+    /// Normalization of the input pixels.
     pub input: InputNormalization,
-    /// What it was made from, in words for people.
+    /// Origin of the parameters, for people.
     pub source: String,
     /// Every tensor by name.
     pub tensors: BTreeMap<String, Tensor>,
@@ -51,7 +54,7 @@ struct Described {
     source: String,
 }
 
-/// The part of a trainer's checkpoint that matters here.
+/// The part of a trainer's checkpoint that names the architecture.
 #[derive(Deserialize)]
 struct Checkpoint {
     options: Options,
@@ -87,10 +90,10 @@ impl Unfolded {
         shapes
     }
 
-    /// Reads such a file, or the deployed parameters of a trainer's checkpoint.
+    /// Reads a file of parameters, or the deployed parameters of a trainer's checkpoint.
     ///
     /// # Errors
-    /// Names the file and the field or tensor that is wrong.
+    /// Names the file and the wrong field or tensor.
     pub fn read(path: &Path) -> Result<Unfolded, ReadError> {
         let name = |error| ReadError::File {
             path: path.into(),
@@ -100,10 +103,10 @@ impl Unfolded {
         Unfolded::from_bytes(&bytes).map_err(name)
     }
 
-    /// The same from memory.
+    /// Reads the bytes of a file as [`read`](Self::read) does.
     ///
     /// # Errors
-    /// Names the field or tensor that is wrong.
+    /// Names the wrong field or tensor.
     pub fn from_bytes(bytes: &[u8]) -> Result<Unfolded, ReadError> {
         let malformed = |error| ReadError::container("container", "a safetensors file", error);
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(malformed)?;
@@ -154,7 +157,7 @@ impl Unfolded {
         let mut tensors = BTreeMap::new();
         for (name, shape) in Unfolded::shapes(&architecture) {
             let expected = || format!("F32 with shape {shape:?}");
-            // A run that keeps running averages deploys those.
+            // A training with running averages deploys those.
             let names = [format!("average.{name}"), format!("parameter.{name}")];
             let Some(view) = names.iter().find_map(|name| file.tensor(name).ok()) else {
                 return Err(ReadError::tensor(&names[1], expected(), "no such tensor"));
@@ -218,10 +221,10 @@ impl Unfolded {
         }
     }
 
-    /// Writes a file: beside its place first, then renamed.
+    /// Writes a file atomically.
     ///
     /// # Errors
-    /// What [`check`](Self::check) refuses, and whatever the file system refuses.
+    /// Those of [`check`](Self::check) and those of the file system.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         self.check()?;
         let Unfolded {
@@ -295,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn comes_back_bit_by_bit() {
+    fn parameters_survive_the_roundtrip_bit_by_bit() {
         let path = std::env::temp_dir().join(format!("unfolded-{}", std::process::id()));
         let written = example();
         written.write(&path).unwrap();
@@ -305,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong() {
+    fn invalid_parameters_are_named_in_the_error() {
         let refused = |change: &dyn Fn(&mut Unfolded)| {
             let mut unfolded = example();
             change(&mut unfolded);

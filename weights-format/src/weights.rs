@@ -12,18 +12,18 @@ use std::{collections::BTreeMap, fmt};
 pub struct Tensor {
     /// `[Cout, kh, kw, Cin]` for a weight, `[Cout]` for a bias.
     pub shape: Vec<usize>,
-    /// As many values as the shape's product.
+    /// The values; their number is the shape's product.
     pub data: Vec<f32>,
 }
 
-/// A network's weights: a header and the tensors that its architecture implies.
+/// A network's weights: a header and the tensors that the architecture implies.
 ///
 /// For every convolution `<name>` of [`Architecture::layers`] there is `<name>.weight` with shape
-/// `[Cout, kh, kw, Cin]` and `<name>.bias` with shape `[Cout]`; batch normalization and the head's two scalars are
-/// folded into them.
+/// `[Cout, kh, kw, Cin]` and `<name>.bias` with shape `[Cout]`. Batch normalization and the head's
+/// two scalars are folded into them.
 #[derive(Clone, PartialEq)]
 pub struct Weights {
-    /// What the file says beside the tensors.
+    /// The file's metadata.
     pub header: Header,
     tensors: BTreeMap<String, Tensor>,
 }
@@ -39,7 +39,7 @@ impl fmt::Debug for Weights {
 }
 
 impl Weights {
-    /// Weights that have no tensors yet.
+    /// Weights without tensors.
     pub fn new(header: Header) -> Weights {
         Weights {
             header,
@@ -47,12 +47,12 @@ impl Weights {
         }
     }
 
-    /// Adds or replaces a tensor; [`check`](Self::check) says whether it belongs.
+    /// Adds or replaces a tensor, which [`check`](Self::check) may refuse.
     pub fn insert(&mut self, name: impl Into<String>, tensor: Tensor) {
         self.tensors.insert(name.into(), tensor);
     }
 
-    /// The tensor of that name.
+    /// The tensor of this name.
     pub fn tensor(&self, name: &str) -> Option<&Tensor> {
         self.tensors.get(name)
     }
@@ -64,8 +64,8 @@ impl Weights {
             .map(|(name, tensor)| (name.as_str(), tensor))
     }
 
-    /// Checks the header's bounds and that there are exactly the tensors that the architecture implies, with the
-    /// right shapes and finite values.
+    /// Checks the header's bounds, and that there are exactly the tensors that the architecture
+    /// implies, with the right shapes and finite values.
     ///
     /// # Errors
     /// Names the first field or tensor that is wrong.
@@ -118,10 +118,11 @@ impl Weights {
         }
     }
 
-    /// Weights of an untrained network, the same for the same seed on every machine: for tests and benchmarks.
+    /// Weights of an untrained network, for tests and benchmarks.
     ///
-    /// He-scaled normal weights and small biases, with the scale of pixels and of the correlation's sums taken out,
-    /// so that activations stay near 1 and the head's outputs are moderate.
+    /// The same seed gives the same weights on every machine. Weights are He-scaled and normal,
+    /// biases are small. The scale of pixels and of the correlation's sums is divided out, so that
+    /// activations stay near 1 and the head's outputs are moderate.
     ///
     /// Expects an architecture that passed [`Architecture::check`].
     pub fn random(architecture: Architecture, seed: u64) -> Weights {
@@ -174,7 +175,9 @@ impl SplitMix64 {
         z ^ (z >> 31)
     }
 
-    /// Mean 0, variance 1: the sum of twelve 16-bit uniforms, which no platform's `ln` or `cos` can round differently.
+    /// A normal value of mean 0 and variance 1: the sum of twelve 16-bit uniforms.
+    ///
+    /// Unlike `ln` or `cos`, sums of integers are the same on every platform.
     fn normal(&mut self) -> f64 {
         let quarters = |bits: u64| {
             [
@@ -202,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn random_is_complete_deterministic_and_depends_on_the_seed() {
+    fn random_weights_are_complete_and_depend_on_the_seed_alone() {
         let weights = small();
         weights.check().unwrap();
         assert_eq!(weights, small());
@@ -215,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn random_is_normal_and_he_scaled() {
+    fn random_weights_are_normal_and_he_scaled() {
         let weights = Weights::random(Architecture::new(Widths::pruned(0.5), None), 3);
         for (name, variance) in [
             (
@@ -256,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn check_names_what_is_wrong() {
+    fn check_of_invalid_weights_names_the_tensor_or_field() {
         let refused = |f: &dyn Fn(&mut Weights)| {
             let mut weights = small();
             f(&mut weights);

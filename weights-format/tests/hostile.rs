@@ -1,4 +1,4 @@
-//! Files that want to be believed: each gets an error that names what is wrong, none gets a panic.
+//! Hostile files: each gets an error that names the fault, none gets a panic.
 
 use proptest::{prelude::*, sample::Index};
 use serde_json::{Value, json};
@@ -57,13 +57,13 @@ fn remove(value: &mut Value, key: &str) {
 }
 
 #[test]
-fn unchanged_parts_make_a_valid_file() {
+fn unchanged_file_is_valid() {
     Weights::from_bytes(&with(|_, _| {})).unwrap();
     Weights::from_bytes(&metadata(|_| {})).unwrap();
 }
 
 #[test]
-fn containers() {
+fn invalid_container_is_refused_by_part() {
     let bytes = valid();
     let (header, data) = parts(&bytes);
     let header = header.trim_end();
@@ -191,7 +191,7 @@ fn far() -> String {
 }
 
 #[test]
-fn metadata_fields() {
+fn invalid_metadata_is_refused_by_field() {
     for (what, bytes, expected) in [
         (
             "none",
@@ -382,7 +382,7 @@ fn metadata_fields() {
 }
 
 #[test]
-fn tensors() {
+fn invalid_tensor_is_refused_by_name() {
     for (what, bytes, expected) in [
         (
             "encoder undeclared",
@@ -476,13 +476,13 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 
     #[test]
-    fn truncated_anywhere(at in any::<Index>()) {
+    fn file_truncated_anywhere_never_panics(at in any::<Index>()) {
         let bytes = valid();
         prop_assert!(Weights::from_bytes(&bytes[..at.index(bytes.len())]).is_err());
     }
 
     #[test]
-    fn bits_flipped(flips in prop::collection::vec((any::<Index>(), 0..8), 1..6)) {
+    fn file_with_flipped_bits_never_panics(flips in prop::collection::vec((any::<Index>(), 0..8), 1..6)) {
         let mut bytes = valid();
         for (at, bit) in flips {
             let at = at.index(bytes.len());
@@ -492,7 +492,7 @@ proptest! {
     }
 
     #[test]
-    fn digits_changed(changes in prop::collection::vec((any::<Index>(), "[0-9]{1,20}|-1|1e9|null|\\[\\]"), 1..4)) {
+    fn file_with_changed_digits_never_panics(changes in prop::collection::vec((any::<Index>(), "[0-9]{1,20}|-1|1e9|null|\\[\\]"), 1..4)) {
         let bytes = valid();
         let (header, data) = parts(&bytes);
         let mut header = header.to_owned();
@@ -505,7 +505,7 @@ proptest! {
     }
 
     #[test]
-    fn junk(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn junk_never_panics(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         prop_assert!(Weights::from_bytes(&bytes).is_err());
     }
 }

@@ -208,7 +208,7 @@ pub struct TrackArgs {
     /// The object in the first frame: left, top, width, height in pixels, 0-based.
     #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
     pub init: BBox,
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Where the boxes go, one line x,y,w,h per frame; standard output if absent.
@@ -292,7 +292,7 @@ pub struct DemoArgs {
     /// Its length.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = frames)]
     pub frames: usize,
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// End standard output with one JSON object: mean_iou, precision_20, fps, frames.
@@ -388,7 +388,7 @@ Examples:
 
 All 13 widths are conv1 to conv5, the necks (cls, reg), and the towers cls1 to cls3 and reg1 to reg3.")]
 pub struct InfoArgs {
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(value_name = "MODEL", conflicts_with = "widths")]
     pub model: Option<PathBuf>,
     /// A network without a file.
@@ -416,7 +416,7 @@ beside it and is never lower. A comparison takes the medians of ten blocks of ea
 is above two standard deviations of these, and above 1 %. GFLOP/s counts two operations per multiply-accumulate of the plain convolutions, over the
 time of the network's stages.")]
 pub struct BenchArgs {
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(short, long, value_name = "FILE", conflicts_with = "widths")]
     pub model: Option<PathBuf>,
     /// A network without a file.
@@ -471,7 +471,7 @@ Messages go over standard input and output, or over the local port that the envi
 Takes rectangles, polygons and masks, and pictures as paths, in memory and encoded; answers with rectangles and the
 score as `confidence`. With protocol version 4 several objects may be followed at a time.")]
 pub struct TraxArgs {
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Version of the protocol: 1, 3 or 4.

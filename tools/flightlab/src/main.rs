@@ -75,7 +75,7 @@ struct CalibrateArgs {
     /// First seed of as many flights that are only measured.
     #[arg(long, default_value_t = 920_000)]
     test_seed: u64,
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(long)]
     model: Option<PathBuf>,
     /// Weights file to carry the coefficients from now on, usually the same: it is rewritten with them as a note.
@@ -96,7 +96,7 @@ struct EvaluateArgs {
     /// First seed: not one that was fitted to.
     #[arg(long, default_value_t = 930_000)]
     seed: u64,
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(long)]
     model: Option<PathBuf>,
     /// Searches per frame while the target is lost.
@@ -120,7 +120,7 @@ struct EvaluateArgs {
 struct SequencesArgs {
     /// Folder of sequences, each with img/ and groundtruth_rect.txt, one or two levels below.
     folder: PathBuf,
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(long)]
     model: Option<PathBuf>,
     /// Searches per frame while the target is lost.

@@ -42,7 +42,7 @@ pub struct ServeArgs {
     /// Target in the first frame: left, top, width, height in pixels; without it a client starts.
     #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
     pub init: Option<BBox>,
-    /// Weights file, or a built-in model: drmim-p50 (taken if absent), drmim-p75, a third of its work, or drmim-p82, a sixth.
+    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// What follows the target.

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::fit::Fit;
 use crate::network::{Network, StatisticsNets};
 use autodiff::{Parameters, Tensor};
-use weights_format::{Architecture, LayerKind};
+use weights_format::Architecture;
 
 /// What is left of every parameter, by name.
 ///
