@@ -3,24 +3,19 @@
 mod common;
 
 use rayon::prelude::*;
+use sequences::{Annotation, Convention, Rect};
 use std::path::{Path, PathBuf};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Tracker, TrackerOptions};
 use weights_format::Weights;
 
-/// The boxes of a file, one per line of four or more numbers.
+/// The boxes of a file in single precision.
 fn read_boxes(path: &Path) -> Vec<BBox> {
-    let text = std::fs::read_to_string(path).unwrap();
-    let parse = |line: &str| {
-        let v: Vec<f32> = line
-            .split([',', '\t', ' '])
-            .map(|n| n.trim().parse().unwrap())
-            .collect();
-        BBox::new(v[0], v[1], v[2], v[3])
+    let bbox = |rect: Rect| {
+        let [x, y, w, h] = rect.to_f32();
+        BBox::new(x, y, w, h)
     };
-    text.lines()
-        .filter(|line| !line.trim().is_empty())
-        .map(parse)
-        .collect()
+    let boxes = sequences::text::read_boxes(path).unwrap();
+    boxes.into_iter().map(bbox).collect()
 }
 
 fn frames(sequence: &Path) -> Vec<PathBuf> {
@@ -119,25 +114,20 @@ struct Score {
     auc: f32,
 }
 
-/// Scores boxes by the got10k rule, with centers in original pixels.
+/// Scores boxes by the rule `drop`: as got10k, and annotations without area do not count.
 ///
 /// Source: docs/method.md, section 4.2.
 fn score(boxes: &[BBox], annotations: &[BBox], scale: f32) -> Score {
-    let pairs = boxes.iter().zip(annotations);
-    let valid: Vec<_> = pairs
-        .filter(|(_, a)| a.is_finite() && a.area() > 0.0)
-        .collect();
-    let percent = |hits: usize| 100.0 * hits as f32 / valid.len() as f32;
-    let near = |(b, a): &&(&BBox, &BBox)| b.center_distance(a) / scale <= 20.0;
-    let precision = percent(valid.iter().filter(near).count());
-    let mut sum = 0.0;
-    for i in 0..21 {
-        let threshold = i as f32 * 0.05;
-        sum += percent(valid.iter().filter(|(b, a)| b.iou(a) > threshold).count());
-    }
+    let rect = |b: &BBox| Rect::from([b.x, b.y, b.w, b.h]);
+    let annotation = Annotation {
+        scale: scale.into(),
+        ..Annotation::new("", annotations.iter().map(rect).collect())
+    };
+    let found: Vec<Rect> = boxes.iter().map(rect).collect();
+    let curves = Convention::Drop.curves(&annotation, &found).unwrap();
     Score {
-        precision,
-        auc: sum / 21.0,
+        precision: 100.0 * curves.precision() as f32,
+        auc: 100.0 * curves.auc() as f32,
     }
 }
 

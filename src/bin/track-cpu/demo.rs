@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use image::RgbImage;
 use scenes::{Flight, FlightConfig, FrameBuffer, Truth};
+use sequences::{Annotation, Convention, Curves, Judgment, Rect};
 use serde_json::json;
 use track_cpu::{BBox, ChannelOrder, Frame, Tracker};
 
@@ -19,8 +20,6 @@ use crate::statistics::Times;
 const PICTURES: usize = 12;
 /// A frame counts if more of the object than this is visible.
 const LEAST_VISIBLE: f32 = 0.3;
-/// A center this far off, in pixels, is still precise.
-const PRECISE_PX: f32 = 20.0;
 
 /// Runs the sub-command.
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
@@ -41,7 +40,9 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let flight = Flight::new(config);
     let mut buffer = FrameBuffer::default();
     let mut pictures = Vec::new();
-    let (mut times, mut ious, mut errors_px) = (Vec::new(), Vec::new(), Vec::new());
+    let mut times = Vec::new();
+    let mut true_boxes = Vec::new();
+    let mut found_boxes = Vec::new();
     let bar = progress(Some(args.frames));
     for index in 0..args.frames {
         let truth = flight.render(index, &mut buffer);
@@ -56,10 +57,12 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
             times.push(started.elapsed());
             (track.bbox, Some(track.score))
         };
-        if index > 0 && truth.visible > LEAST_VISIBLE {
-            ious.push(f64::from(found.iou(&true_box)));
-            errors_px.push(found.center_distance(&true_box));
-        }
+        true_boxes.push(if truth.visible > LEAST_VISIBLE {
+            rect(&true_box)
+        } else {
+            Rect::NONE
+        });
+        found_boxes.push(rect(&found));
         let draw = |canvas: &mut Canvas| {
             if truth.visible > 0.0 {
                 canvas.truth(&true_box);
@@ -76,20 +79,7 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     bar.finish_and_clear();
     film.finish()?;
 
-    let share = |hits: usize| {
-        if ious.is_empty() {
-            0.0
-        } else {
-            hits as f64 / ious.len() as f64
-        }
-    };
-    let iou = ious.iter().sum::<f64>() / ious.len().max(1) as f64;
-    let precision = share(
-        errors_px
-            .iter()
-            .filter(|&&error| error <= PRECISE_PX)
-            .count(),
-    );
+    let (iou, precision) = accuracy(true_boxes, &found_boxes);
     let fps = Times::new(&times).fps();
     let (frames, seed) = (args.frames, args.seed);
     let summary =
@@ -120,6 +110,23 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
 /// A true box as the tracker takes it: the same edges.
 fn bbox(truth: &Truth) -> BBox {
     BBox::new(truth.bbox.x, truth.bbox.y, truth.bbox.w, truth.bbox.h)
+}
+
+fn rect(bbox: &BBox) -> Rect {
+    Rect::from([bbox.x, bbox.y, bbox.w, bbox.h])
+}
+
+/// Mean IoU and precision at 20 pixels over the frames behind the first in which the object is
+/// visible, by the rule of the got10k toolkit; 0 without such frames.
+fn accuracy(true_boxes: Vec<Rect>, found_boxes: &[Rect]) -> (f64, f64) {
+    let annotation = Annotation::new("demo", true_boxes);
+    let judged = Convention::Got10k.judge(&annotation, found_boxes);
+    let judged: Vec<Judgment> = judged.into_iter().skip(1).flatten().collect();
+    let count = judged.len();
+    let overlap: f64 = judged.iter().map(|judgment| judgment.overlap).sum();
+    let curves = Curves::of(judged, count);
+    let precision = curves.map_or(0.0, |curves| curves.precision());
+    (overlap / count.max(1) as f64, precision)
 }
 
 fn caption(index: usize, truth: &Truth) -> String {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ope::plot::{Axes, Series, lines};
+use sequences::plot::{Axes, Series, lines};
 
 use crate::Failure;
 

@@ -1,7 +1,8 @@
 //! `sequences`: both modes on real sequences, and presence where the annotation says that the target is absent.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use ::sequences::{Annotation, Convention, Notes, Rect, Sequence};
 use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker, Presence};
 use track_cpu::source::{Input, Source};
 use track_cpu::{BBox, Model};
@@ -14,13 +15,13 @@ use crate::{Failure, SequencesArgs, load, presence};
 pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
     let presence = presence(args.text.as_ref(), &model)?;
-    let folders = find(&args.folder)?;
+    let found = find(&args.folder)?;
     let (mut totals, mut labeled, mut lost) = ([0.0; 2], Vec::new(), (0, 0));
-    for folder in &folders {
-        let truth = annotation(folder)?;
+    for sequence in &found {
+        let truth = truth(sequence);
         let mut aucs = [0.0; 2];
         for (recover, auc) in [false, true].into_iter().zip(&mut aucs) {
-            let tracks = track(&model, &presence, folder, &truth, recover, args.searches)?;
+            let tracks = track(&model, &presence, sequence, &truth, recover, args.searches)?;
             *auc = success(&tracks, &truth);
             for ((bbox, presence, seen), truth) in tracks.iter().zip(&truth).skip(1) {
                 let iou = truth.map(|truth| bbox.iou(&truth));
@@ -38,18 +39,16 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
         let absent = truth.iter().filter(|t| t.is_none()).count();
         println!(
             "{}: AUC paper {:.3}, flight {:.3}; {absent} frames absent",
-            folder.display(),
-            aucs[0],
-            aucs[1]
+            sequence.annotation.name, aucs[0], aucs[1]
         );
         totals
             .iter_mut()
             .zip(aucs)
-            .for_each(|(total, auc)| *total += auc / folders.len() as f64);
+            .for_each(|(total, auc)| *total += auc / found.len() as f64);
     }
     println!(
         "\n{} sequences: AUC paper {:.4}, flight {:.4}",
-        folders.len(),
+        found.len(),
         totals[0],
         totals[1]
     );
@@ -71,15 +70,16 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Success (AUC) over 21 thresholds; frames without an annotation are left out.
+/// Success (AUC) by the rule of the got10k toolkit; frames without an annotation do not count.
 fn success(tracks: &[(BBox, f64, bool)], truth: &[Option<BBox>]) -> f64 {
-    let ious: Vec<f32> = tracks
+    let rect = |b: &BBox| Rect::from([b.x, b.y, b.w, b.h]);
+    let found: Vec<Rect> = tracks.iter().map(|(bbox, ..)| rect(bbox)).collect();
+    let truth = truth
         .iter()
-        .zip(truth)
-        .filter_map(|((bbox, ..), truth)| truth.map(|t| bbox.iou(&t)))
-        .collect();
-    let above = |t: usize| ious.iter().filter(|&&iou| iou > t as f32 / 20.0).count() as f64;
-    (0..21).map(above).sum::<f64>() / 21.0 / ious.len().max(1) as f64
+        .map(|bbox| bbox.as_ref().map_or(Rect::NONE, rect));
+    let annotation = Annotation::new("", truth.collect());
+    let curves = Convention::Got10k.curves(&annotation, &found);
+    curves.map_or(0.0, |curves| curves.auc())
 }
 
 type Tracks = Vec<(BBox, f64, bool)>;
@@ -87,7 +87,7 @@ type Tracks = Vec<(BBox, f64, bool)>;
 fn track(
     model: &Model,
     presence: &Presence,
-    folder: &Path,
+    sequence: &Sequence,
     truth: &[Option<BBox>],
     recover: bool,
     searches: u32,
@@ -102,11 +102,11 @@ fn track(
         ..FlightOptions::new(model)
     };
     let mut tracker = FlightTracker::with_presence(model.clone(), options, *presence);
-    let wrong =
-        |error: &dyn std::fmt::Display| Failure::File(folder.to_path_buf(), error.to_string());
-    let source = Source::open(&Input::new(folder.join("img"))).map_err(|error| wrong(&error))?;
     let mut tracks = Vec::new();
-    for image in source.take(truth.len()) {
+    for path in sequence.frames.iter().take(truth.len()) {
+        let wrong = |error: &dyn std::fmt::Display| Failure::File(path.clone(), error.to_string());
+        let mut source = Source::open(&Input::new(path)).map_err(|error| wrong(&error))?;
+        let image = source.next().ok_or_else(|| wrong(&"no picture"))?;
         let image = image.map_err(|error| wrong(&error))?;
         let frame = image.frame();
         tracks.push(match (tracks.is_empty(), truth[0]) {
@@ -124,47 +124,24 @@ fn track(
     Ok(tracks)
 }
 
-/// Lines of x, y, w, h; NaN and empty boxes are absences.
-fn annotation(folder: &Path) -> Result<Vec<Option<BBox>>, Failure> {
-    let path = folder.join("groundtruth_rect.txt");
-    let text =
-        std::fs::read_to_string(&path).map_err(|e| Failure::File(path.clone(), e.to_string()))?;
-    let line = |line: &str| {
-        let numbers: Vec<f32> = line
-            .split([',', '\t', ' '])
-            .filter_map(|n| n.trim().parse().ok())
-            .collect();
-        match numbers[..] {
-            [x, y, w, h, ..] if w > 0.0 && h > 0.0 => {
-                Some(BBox::new(x, y, w, h)).filter(BBox::is_finite)
-            }
-            _ => None,
-        }
+/// The true boxes of a sequence; `None` in frames without a usable one.
+fn truth(sequence: &Sequence) -> Vec<Option<BBox>> {
+    let bbox = |rect: &Rect| {
+        let [x, y, w, h] = rect.to_f32();
+        rect.is_usable().then(|| BBox::new(x, y, w, h))
     };
-    Ok(text
-        .lines()
-        .filter(|l| !l.trim().is_empty())
-        .map(line)
-        .collect())
+    sequence.annotation.boxes.iter().map(bbox).collect()
 }
 
-/// Folders with an annotation, one or two levels below.
-fn find(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let below = |folder: &Path| -> Vec<PathBuf> {
-        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-        let mut folders: Vec<_> = entries.map(|e| e.path()).filter(|p| p.is_dir()).collect();
-        folders.sort();
-        folders
-    };
-    let one = below(folder);
-    let two = one.iter().flat_map(|f| below(f)).collect::<Vec<_>>();
-    let with = |f: &PathBuf| f.join("groundtruth_rect.txt").is_file();
-    let found: Vec<_> = one.into_iter().chain(two).filter(with).collect();
+/// The sequences below a folder.
+fn find(folder: &Path) -> Result<Vec<Sequence>, Failure> {
+    let mut notes = Notes::default();
+    let found = ::sequences::find(folder, &mut notes);
+    let found = found.map_err(|error| Failure::Nothing(error.to_string()))?;
+    eprint!("{notes}");
     if found.is_empty() {
-        return Err(Failure::Nothing(format!(
-            "{}: no sequence with groundtruth_rect.txt",
-            folder.display()
-        )));
+        let folder = folder.display();
+        return Err(Failure::Nothing(format!("{folder}: no annotated sequence")));
     }
     Ok(found)
 }

@@ -2,8 +2,8 @@
 
 use clap::builder::TypedValueParser;
 use clap::{Parser, Subcommand, ValueEnum};
-use ope::Dataset;
 use scenes::Difficulty;
+use sequences::Dataset;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
@@ -33,6 +33,7 @@ Examples:
   ope score --dataset dtb70 --root /data/DTB70 --results results/DTB70/track-cpu
   ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
   ope compare --dataset dtb70 --root /data/DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
+  ope diagnose --dataset dtb70 --root /data/DTB70 --out sheets results/DTB70/track-cpu results/DTB70/kcf
   ope report --dataset dtb70 --root /data/DTB70 --out report.html results/DTB70/track-cpu results/DTB70/kcf
   ope render --out flights --count 3 && ope run --dataset folder --root flights --out results
   ope export --to pysot --dataset dtb70 --results results/DTB70/track-cpu --out exported
@@ -56,6 +57,8 @@ pub enum Command {
     Score(ScoreArgs),
     /// Set several trackers side by side: tables, plots as SVG.
     Compare(CompareArgs),
+    /// Say what is wrong with boxes: whether they follow the target's shape, and what they are lost to.
+    Diagnose(DiagnoseArgs),
     /// Write a comparison as one HTML page with plots, sortable tables and frames of the worst failures.
     Report(ReportArgs),
     /// Write results in another toolkit's layout.
@@ -211,6 +214,30 @@ pub struct CompareArgs {
     pub out: Option<PathBuf>,
 }
 
+/// `diagnose`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = DIAGNOSE_HELP)]
+pub struct DiagnoseArgs {
+    /// What is diagnosed.
+    #[command(flatten)]
+    pub trackers: TrackersArgs,
+    /// Folder for a contact sheet per loss, <tracker>/<pass>-<frame>.png; needs --dataset and --root.
+    #[arg(short, long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const DIAGNOSE_HELP: &str = "\
+Shape is measured in the visible frames in which every tracker overlaps the target by at least 0.2,
+the first of each pass excluded. With a box of w x h and the first frame's w0 x h0,
+  aspect  ln(w / h) - ln(w0 / h0)
+  size    ln(sqrt(w h)) - ln(sqrt(w0 h0))
+  slope   of the box's changes over the target's, through the origin: 1 follows, 0 stays as it was
+  RMSE    of the difference between the two
+A loss is five visible frames in a row with an overlap below 0.1; it ends at an overlap of 0.2.";
+
 /// `report`.
 #[derive(Debug, clap::Args)]
 pub struct ReportArgs {
@@ -288,12 +315,12 @@ pub enum OneRule {
 
 impl OneRule {
     /// The rule meant.
-    pub fn convention(self) -> ope::Convention {
+    pub fn convention(self) -> sequences::Convention {
         match self {
-            OneRule::Got10k => ope::Convention::Got10k,
-            OneRule::Pysot => ope::Convention::Pysot,
-            OneRule::Otb => ope::Convention::Otb,
-            OneRule::Drop => ope::Convention::Drop,
+            OneRule::Got10k => sequences::Convention::Got10k,
+            OneRule::Pysot => sequences::Convention::Pysot,
+            OneRule::Otb => sequences::Convention::Otb,
+            OneRule::Drop => sequences::Convention::Drop,
         }
     }
 }
@@ -315,7 +342,7 @@ pub enum Rule {
 
 impl Rule {
     /// The rules meant.
-    pub fn conventions(self) -> &'static [ope::Convention] {
+    pub fn conventions(self) -> &'static [sequences::Convention] {
         let at = match self {
             Rule::Got10k => 0..1,
             Rule::Pysot => 1..2,
@@ -323,7 +350,7 @@ impl Rule {
             Rule::Drop => 3..4,
             Rule::All => 0..4,
         };
-        &ope::Convention::ALL[at]
+        &sequences::Convention::ALL[at]
     }
 }
 

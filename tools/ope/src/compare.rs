@@ -1,14 +1,12 @@
 //! Several trackers on one benchmark: side by side, per attribute, per sequence, with their plots.
 
-use crate::annotations::Annotation;
-use crate::convention::Convention;
-use crate::curves::{Curves, PRECISION_BINS, SUCCESS_BINS};
-use crate::dataset::Attributes;
 use crate::error::Error;
-use crate::notes::Notes;
-use crate::plot::{self, Axes, Series};
 use crate::results::Results;
 use crate::score::{Evaluation, Missing, Score};
+use sequences::curves::{Curves, PRECISION_BINS, SUCCESS_BINS};
+use sequences::dataset::Attributes;
+use sequences::plot::{self, Axes, Series};
+use sequences::{Annotation, Convention, Notes};
 use std::collections::HashSet;
 
 /// Trackers under one rule on the same sequences.
@@ -85,9 +83,9 @@ impl Comparison {
                 .retain(|s| common.contains(s.annotation.name.as_str()));
             if tracker.sequences.len() < before {
                 let (name, left) = (&tracker.tracker, tracker.sequences.len());
-                notes.add(format!(
-                    "{name}: compared on {left} of its {before} sequences: those that all have"
-                ));
+                let text =
+                    format!("compared on {left} of its {before} sequences: those that all have");
+                notes.add(name, text);
             }
         }
         let scores: Result<_, _> = trackers
@@ -279,8 +277,8 @@ fn nice(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::annotations;
-    use crate::testing::Folder;
+    use sequences::annotation;
+    use testing::Folder;
 
     #[test]
     fn two_trackers() {
@@ -292,7 +290,7 @@ mod tests {
         folder.write("bad/x/a.txt", "10,10,20,20\n".repeat(4));
         folder.write("bad/x/b.txt", "90,10,20,20\n".repeat(4));
         folder.write("bad/x/times/b_time.txt", "0.01\n".repeat(4));
-        let truth = annotations::read_folder(&folder.path().join("truth")).unwrap();
+        let truth = annotation::read_folder(&folder.join("truth"), &mut Notes::default()).unwrap();
         let results = ["bad/x", "good/x"].map(|at| Results::open(&folder.path().join(at)).unwrap());
         let attributes: Attributes = [("fast", "b"), ("slow", "a"), ("dark", "c")]
             .map(|(k, v)| (k.into(), vec![v.into()]))
@@ -344,7 +342,8 @@ mod tests {
             folder.write(&format!("truth/{name}.txt"), "10,10,20,20\n".repeat(4));
             folder.write(&format!("x/{name}.txt"), "10,10,20,20\n".repeat(4));
         }
-        let mut truth = annotations::read_folder(&folder.path().join("truth")).unwrap();
+        let mut truth =
+            annotation::read_folder(&folder.join("truth"), &mut Notes::default()).unwrap();
         truth.reverse();
         let results = [Results::open(&folder.path().join("x")).unwrap()];
         let (none, mut notes) = (Attributes::default(), Notes::default());

@@ -6,14 +6,9 @@ use std::path::{Path, PathBuf};
 /// Why an evaluation cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A file or folder cannot be read.
-    #[error("{}: cannot be read: {error}", path.display())]
-    Unreadable {
-        /// Which.
-        path: PathBuf,
-        /// What the system said.
-        error: io::Error,
-    },
+    /// Sequences, annotations or results cannot be used.
+    #[error(transparent)]
+    Data(#[from] sequences::Error),
     /// A file or folder cannot be written.
     #[error("{}: cannot be written: {error}", path.display())]
     Unwritable {
@@ -21,38 +16,6 @@ pub enum Error {
         path: PathBuf,
         /// What the system said.
         error: io::Error,
-    },
-    /// A file is larger than any file of its kind.
-    #[error("{}: {bytes} bytes, expected at most {limit}", path.display())]
-    TooLarge {
-        /// Which.
-        path: PathBuf,
-        /// Its size.
-        bytes: u64,
-        /// The most that is read.
-        limit: u64,
-    },
-    /// A line of a file is not what it should be.
-    #[error("{}: line {line}: expected {expected}, found {found:?}", path.display())]
-    Line {
-        /// Which file.
-        path: PathBuf,
-        /// The line, 1-based.
-        line: usize,
-        /// What should be there.
-        expected: &'static str,
-        /// What is there.
-        found: String,
-    },
-    /// A file or folder holds nothing of what was looked for, or something else.
-    #[error("{}: expected {expected}, found {found}", path.display())]
-    Content {
-        /// Which.
-        path: PathBuf,
-        /// What should be there.
-        expected: String,
-        /// What is there.
-        found: String,
     },
     /// A sequence cannot be tracked.
     #[error("{sequence}: {reason}")]
@@ -94,10 +57,7 @@ pub enum Error {
 impl Error {
     /// `path` cannot be read.
     pub fn unreadable(path: &Path) -> impl FnOnce(io::Error) -> Error + '_ {
-        move |error| Error::Unreadable {
-            path: path.to_path_buf(),
-            error,
-        }
+        move |error| Error::Data(sequences::Error::unreadable(path)(error))
     }
 
     /// `path` cannot be written.
@@ -110,26 +70,6 @@ impl Error {
 
     /// `path` holds something else than it should.
     pub fn content(path: &Path, expected: impl ToString, found: impl ToString) -> Error {
-        let (expected, found) = (brief(expected), brief(found));
-        Error::Content {
-            path: path.to_path_buf(),
-            expected,
-            found,
-        }
+        Error::Data(sequences::Error::content(path, expected, found))
     }
-}
-
-/// A stranger's text, cut to a length and stripped of control characters, fit for a terminal.
-pub fn brief(text: impl ToString) -> String {
-    const LONGEST: usize = 300;
-    let text = text.to_string();
-    let mut short: String = text
-        .chars()
-        .take(LONGEST)
-        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
-        .collect();
-    if text.chars().nth(LONGEST).is_some() {
-        short.push_str("...");
-    }
-    short
 }

@@ -1,8 +1,8 @@
 //! Results in the layouts that other toolkits read.
 
-use crate::dataset::Dataset;
 use crate::error::Error;
 use crate::results::{Results, lines, write_whole};
+use sequences::Dataset;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -100,7 +100,7 @@ fn write(path: &Path, text: &str) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Folder;
+    use testing::Folder;
 
     #[test]
     fn every_layout() {

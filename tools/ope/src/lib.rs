@@ -1,34 +1,28 @@
-//! One-pass evaluation: how well a tracker follows, in the conventions that papers use.
+//! One-pass evaluation: runs trackers over benchmarks, scores, compares and diagnoses their boxes.
 //!
-//! A tracker is given the first frame's box and runs once through every sequence; its boxes are then held against the
-//! annotations. Toolkits agree on the curves but not on rows that annotate nothing, and so differ by up to four points on
-//! the same boxes: [`Convention`] has them all, side by side.
+//! A tracker is given the first frame's box and runs once through every sequence. Its boxes are then
+//! held against the annotations by a rule of [`sequences::Convention`].
 //!
 //! | step | module |
 //! |---|---|
-//! | files of boxes and times, as people write them | [`text`], [`annotations`], [`results`] |
-//! | benchmarks as they lie on disk | [`dataset`] |
 //! | rendered flights as a benchmark | [`render`] |
 //! | a tracker over a benchmark, ours or another program | [`run`] |
 //! | four passes over each sequence in place of one | [`starts`] |
-//! | this repository's tracker, put near the target in every frame | [`step`] |
-//! | one sequence: overlap and center error per frame, then curves | [`convention`], [`curves`] |
-//! | several trackers: tables, plots, a page | [`compare`], [`plot`], [`report`] |
-//! | other toolkits' layouts | [`export`] |
+//! | our tracker, placed near the target in every frame | [`step`] |
+//! | folders of boxes and times | [`results`] |
 //! | one tracker on one benchmark: means over sequences, speed | [`score`], [`speed`] |
+//! | several trackers: tables, plots, a page | [`compare`], [`report`] |
+//! | why a tracker scores as it does: shape, losses | [`diagnosis`] |
+//! | other toolkits' layouts | [`export`] |
 
 #![forbid(unsafe_code)]
 
-pub mod annotations;
-pub mod bbox;
+mod boxes;
 pub mod compare;
-pub mod convention;
-pub mod curves;
-pub mod dataset;
+pub mod diagnosis;
 pub mod error;
 pub mod export;
-pub mod notes;
-pub mod plot;
+mod picture;
 pub mod render;
 pub mod report;
 pub mod results;
@@ -38,17 +32,8 @@ pub mod speed;
 pub mod starts;
 pub mod step;
 pub mod table;
-#[cfg(test)]
-mod testing;
-pub mod text;
 
-pub use annotations::Annotation;
-pub use bbox::BBox;
-pub use convention::Convention;
-pub use curves::Curves;
-pub use dataset::{Dataset, Sequence};
 pub use error::Error;
-pub use notes::Notes;
 pub use results::Results;
 pub use score::{Evaluation, Score};
 pub use speed::Speed;

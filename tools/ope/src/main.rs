@@ -15,6 +15,7 @@ fn main() -> ExitCode {
         Command::Merge(args) => commands::run::merge(&args),
         Command::Score(args) => commands::score::run(&args),
         Command::Compare(args) => commands::compare::compare(&args),
+        Command::Diagnose(args) => commands::diagnose::run(&args),
         Command::Report(args) => commands::compare::report(&args),
         Command::Export(args) => commands::export::run(&args),
         Command::Render(args) => commands::render::run(&args),

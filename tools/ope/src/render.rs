@@ -4,12 +4,12 @@
 //! what the VOT toolkit asks for beside them: `sequence` says how to read it, `anchor.value` where multi-start runs
 //! begin (1: forward, -1: backward), `occlusion.tag` where the target is partly hidden.
 
-use crate::bbox::BBox;
 use crate::error::Error;
 use crate::results::{lines, write_whole};
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
+use sequences::Rect;
 use std::fs;
 use std::path::Path;
 
@@ -75,7 +75,7 @@ impl Flights {
             let (seen, b) = (truth.visible >= SEEN || i == 0, truth.bbox);
             let [x, y, w, h] =
                 [b.x, b.y, b.w, b.h].map(|v| if seen { f64::from(v) } else { f64::NAN });
-            boxes.push(BBox::new(x, y, w, h));
+            boxes.push(Rect::new(x, y, w, h));
             anchors += match i % ANCHORS {
                 0 if seen && 2 * i < frames => "1\n",
                 0 if seen => "-1\n",
@@ -112,9 +112,8 @@ fn jpeg(path: &Path, frame: &FrameBuffer) -> Result<Vec<u8>, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::Dataset;
-    use crate::notes::Notes;
-    use crate::testing::Folder;
+    use sequences::{Dataset, Notes};
+    use testing::Folder;
 
     #[test]
     fn a_benchmark_that_the_loader_reads() {
@@ -136,7 +135,7 @@ mod tests {
             ("flight3", 4)
         );
         assert!(first.frames[0].ends_with("color/00000001.jpg"));
-        assert!(first.annotation.boxes.iter().all(BBox::is_usable));
+        assert!(first.annotation.boxes.iter().all(Rect::is_usable));
         let read = |file: &str| fs::read_to_string(folder.path().join(file)).unwrap();
         assert_eq!(read("list.txt"), "flight3\nflight4\n");
         assert_eq!(read("flight4/anchor.value"), "1\n0\n0\n0\n");

@@ -1,9 +1,9 @@
 //! Folders of results: the boxes and times that a tracker wrote.
 
-use crate::annotations::{entries, file_name, sequence_name};
-use crate::bbox::BBox;
 use crate::error::Error;
-use crate::text;
+use sequences::annotation::sequence_name;
+use sequences::folder::{entries, file_name};
+use sequences::{Rect, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -50,7 +50,7 @@ impl Results {
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn write(&self, sequence: &str, boxes: &[BBox], seconds: &[f64]) -> Result<(), Error> {
+    pub fn write(&self, sequence: &str, boxes: &[Rect], seconds: &[f64]) -> Result<(), Error> {
         if !seconds.is_empty() {
             let folder = self.folder.join("times");
             fs::create_dir_all(&folder).map_err(Error::unwritable(&folder))?;
@@ -72,7 +72,7 @@ impl Results {
     ///
     /// # Errors
     /// If the file cannot be read, or a line is not a box.
-    pub fn boxes(&self, sequence: &str) -> Result<Option<Vec<BBox>>, Error> {
+    pub fn boxes(&self, sequence: &str) -> Result<Option<Vec<Rect>>, Error> {
         let names = [
             format!("{sequence}.txt"),
             format!("{sequence}/{sequence}_001.txt"),
@@ -128,8 +128,8 @@ impl Results {
 }
 
 /// Boxes as text, a line each, to three digits.
-pub fn lines(boxes: &[BBox], separator: &str) -> String {
-    let line = |b: &BBox| {
+pub fn lines(boxes: &[Rect], separator: &str) -> String {
+    let line = |b: &Rect| {
         let [x, y, w, h] = [b.x, b.y, b.w, b.h].map(|v| format!("{v:.3}"));
         [x, y, w, h].join(separator) + "\n"
     };

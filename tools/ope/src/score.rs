@@ -1,13 +1,9 @@
 //! One tracker on one benchmark: scores per sequence and their mean.
 
-use crate::annotations::Annotation;
-use crate::bbox::BBox;
-use crate::convention::Convention;
-use crate::curves::Curves;
 use crate::error::Error;
-use crate::notes::Notes;
 use crate::results::Results;
 use crate::speed::Speed;
+use sequences::{Annotation, Convention, Curves, Notes, Rect};
 use serde::Serialize;
 
 /// The results of one tracker beside the annotations, sequence by sequence.
@@ -27,7 +23,7 @@ pub struct Evaluated {
     /// The truth.
     pub annotation: Annotation,
     /// The tracker's boxes, one per frame, as in its file.
-    pub boxes: Vec<BBox>,
+    pub boxes: Vec<Rect>,
 }
 
 /// What is to be done about sequences that have no results.
@@ -81,10 +77,13 @@ impl Evaluation {
                 continue;
             };
             let (annotated, found) = (annotation.boxes.len(), boxes.len());
-            if annotated != found {
-                notes.add(format!(
-                    "{name}: {annotated} annotated frames, {found} results: the shorter counts"
-                ));
+            if found < annotated {
+                let missing = annotated - found;
+                let text = format!("{missing} of {annotated} frames have no result: misses");
+                notes.add(name, text);
+            } else if found > annotated {
+                let text = format!("{found} results for {annotated} frames: the first count");
+                notes.add(name, text);
             }
             times.extend(results.times(name)?);
             sequences.push(Evaluated {
@@ -99,18 +98,18 @@ impl Evaluation {
             return Err(Error::content(results.folder(), expected, found));
         }
         if !without.is_empty() {
-            notes.add(format!(
-                "{tracker}: {} of {} sequences have no results and are left out: {}",
+            let text = format!(
+                "{} of {} sequences have no results and are left out: {}",
                 without.len(),
                 annotations.len(),
                 without.join(" ")
-            ));
+            );
+            notes.add(&tracker, text);
         }
         for name in results.names()? {
             if !annotations.iter().any(|a| a.name == name) {
-                notes.add(format!(
-                    "{tracker}: results of {name}, which is not annotated, are not used"
-                ));
+                let text = format!("results of {name}, which is not annotated, are not used");
+                notes.add(&tracker, text);
             }
         }
         let uncounted = times
@@ -119,9 +118,8 @@ impl Evaluation {
             .filter(|t| !(**t > 0.0 && t.is_finite()))
             .count();
         if uncounted > 0 {
-            notes.add(format!(
-                "{tracker}: {uncounted} times are not above 0 and do not count"
-            ));
+            let text = format!("{uncounted} times are not above 0 and do not count");
+            notes.add(&tracker, text);
         }
         let speed = Speed::of(times.iter().map(Vec::as_slice));
         Ok(Evaluation {
@@ -129,6 +127,11 @@ impl Evaluation {
             sequences,
             speed,
         })
+    }
+
+    /// One sequence by its name.
+    pub fn sequence(&self, name: &str) -> Option<&Evaluated> {
+        self.sequences.iter().find(|s| s.annotation.name == name)
     }
 
     /// The scores under a rule.
@@ -140,11 +143,12 @@ impl Evaluation {
         for Evaluated { annotation, boxes } in &self.sequences {
             match convention.curves(annotation, boxes) {
                 Some(curves) => per_sequence.push((annotation.name.clone(), curves)),
-                None => notes.add(format!(
-                    "{}: no annotated box counts under {}: left out of the mean",
-                    annotation.name,
-                    convention.name()
-                )),
+                None => {
+                    let rule = convention.name();
+                    let text =
+                        format!("no annotated box counts under {rule}: left out of the mean");
+                    notes.add(&annotation.name, text);
+                }
             }
         }
         let curves = Curves::mean(per_sequence.iter().map(|(_, curves)| curves)).ok_or(
@@ -156,7 +160,7 @@ impl Evaluation {
             convention: convention.name(),
             precision: 100.0 * curves.precision(),
             auc: 100.0 * curves.auc(),
-            norm_precision: 100.0 * curves.norm_precision(convention),
+            norm_precision: 100.0 * convention.norm_precision(&curves),
             success_rate: 100.0 * curves.success_rate(),
             sequences: per_sequence.len(),
             curves,
@@ -183,13 +187,16 @@ impl Evaluation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::annotations;
-    use crate::testing::{Folder, shared};
+    use sequences::annotation;
+    use testing::{Folder, shared};
 
     /// Precision and AUC in percent.
     fn authors(dataset: &str, convention: Convention) -> Option<(f64, f64)> {
-        let truth =
-            annotations::read_folder(&shared(&format!("data/gt_annotations/{dataset}"))?).unwrap();
+        let truth = annotation::read_folder(
+            &shared(&format!("data/gt_annotations/{dataset}"))?,
+            &mut Notes::default(),
+        )
+        .unwrap();
         let results = Results::open(&shared(&format!("data/authors_results/{dataset}"))?).unwrap();
         let mut notes = Notes::default();
         let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
@@ -219,8 +226,8 @@ mod tests {
 
     fn evaluate(folder: &Folder, missing: Missing) -> Result<(Evaluation, Notes), String> {
         let mut notes = Notes::default();
-        let truth =
-            annotations::read_folder(&folder.path().join("truth")).map_err(|e| e.to_string())?;
+        let truth = annotation::read_folder(&folder.join("truth"), &mut notes)
+            .map_err(|e| e.to_string())?;
         let results = Results::open(&folder.path().join("found")).map_err(|e| e.to_string())?;
         let evaluation =
             Evaluation::read(&truth, &results, missing, &mut notes).map_err(|e| e.to_string())?;
@@ -234,7 +241,8 @@ mod tests {
             folder.write(&format!("truth/{name}.txt"), "10,10,20,20\n".repeat(2));
             folder.write(&format!("found/{name}.txt"), "10,10,20,20\n".repeat(2));
         }
-        let mut truth = annotations::read_folder(&folder.path().join("truth")).unwrap();
+        let mut truth =
+            annotation::read_folder(&folder.join("truth"), &mut Notes::default()).unwrap();
         truth.reverse();
         let results = Results::open(&folder.path().join("found")).unwrap();
         let mut notes = Notes::default();
@@ -257,7 +265,7 @@ mod tests {
         let (evaluation, notes) = evaluate(&folder, Missing::Refuse).unwrap();
         let text = notes.to_string();
         assert!(
-            text.contains("long: 10 annotated frames, 12 results: the shorter counts"),
+            text.contains("long: 12 results for 10 frames: the first count"),
             "{text}"
         );
         assert!(

@@ -1,110 +1,133 @@
-//! Four passes over a sequence in place of one: from its first and its middle frame forwards, from its last and its middle frame
-//! backwards.
+//! Four passes over a sequence in place of one: from its first and its middle frame forwards, from its
+//! last and its middle frame backwards.
 //!
-//! One-pass evaluation counts everything after the first slip: on a few short sequences one slip more or less moves the mean by
-//! points. Other starts even that out, at four starts for about three times the frames. As the anchors of the VOT challenges
-//! (Kristan et al., VOT2020), except that a pass always runs to the end.
+//! One-pass evaluation counts everything after the first slip, so that on a few sequences one slip
+//! more or less moves the mean by points. Four starts even that out, for about three times the
+//! frames. The idea is that of the anchors of the VOT challenges (Kristan et al., VOT2020), except
+//! that every pass runs to the end.
+//!
+//! A pass starts at the frame nearest to its nominal start that shows the target.
 
-use crate::annotations::Annotation;
-use crate::dataset::{Attributes, Sequence};
+use sequences::dataset::Attributes;
+use sequences::{Annotation, Sequence};
 
 /// Where a pass starts and which way it goes.
-const STARTS: [Start; 4] = [
-    Start {
-        suffix: "",
-        middle: false,
-        backwards: false,
-    },
-    Start {
-        suffix: ".middle",
-        middle: true,
-        backwards: false,
-    },
-    Start {
-        suffix: ".backwards",
-        middle: false,
-        backwards: true,
-    },
-    Start {
-        suffix: ".middle-backwards",
-        middle: true,
-        backwards: true,
-    },
-];
-
 #[derive(Clone, Copy, Debug)]
 struct Start {
     suffix: &'static str,
-    middle: bool,
-    backwards: bool,
+    from_middle: bool,
+    is_backwards: bool,
 }
 
+const STARTS: [Start; 4] = [
+    Start {
+        suffix: "",
+        from_middle: false,
+        is_backwards: false,
+    },
+    Start {
+        suffix: ".middle",
+        from_middle: true,
+        is_backwards: false,
+    },
+    Start {
+        suffix: ".backwards",
+        from_middle: false,
+        is_backwards: true,
+    },
+    Start {
+        suffix: ".middle-backwards",
+        from_middle: true,
+        is_backwards: true,
+    },
+];
+
 impl Start {
-    /// Frames of a sequence of `n`, in the order of this pass.
-    fn order(self, n: usize) -> Vec<usize> {
-        match (self.middle, self.backwards) {
-            (false, false) => (0..n).collect(),
-            (true, false) => (n / 2..n).collect(),
-            (false, true) => (0..n).rev().collect(),
-            (true, true) => (0..n.div_ceil(2)).rev().collect(),
+    /// The frame at which the pass starts in a sequence of `n` frames that are all visible.
+    fn nominal(self, n: usize) -> usize {
+        match (self.from_middle, self.is_backwards) {
+            (false, false) => 0,
+            (true, false) => n / 2,
+            (false, true) => n.saturating_sub(1),
+            (true, true) => n.div_ceil(2).saturating_sub(1),
         }
     }
 
-    /// What is annotated along the pass; `None` where it starts without a target, or nothing comes after it.
-    fn annotation(self, whole: &Annotation, order: &[usize]) -> Option<Annotation> {
-        let first = *order.first()?;
-        let starts = whole.is_present(first) && whole.boxes.get(first)?.is_usable();
-        (starts && order.len() > 1).then(|| Annotation {
+    /// The frames of a sequence in the order of this pass; `None` if no frame shows the target, or no
+    /// frame is left behind the start.
+    fn order(self, whole: &Annotation) -> Option<Vec<usize>> {
+        let n = whole.boxes.len();
+        let nominal = self.nominal(n);
+        let start = (0..n)
+            .filter(|i| whole.is_visible(*i))
+            .min_by_key(|i| i.abs_diff(nominal))?;
+        let order: Vec<usize> = if self.is_backwards {
+            (0..=start).rev().collect()
+        } else {
+            (start..n).collect()
+        };
+        (order.len() > 1).then_some(order)
+    }
+
+    /// What is annotated along the pass.
+    fn annotation(self, whole: &Annotation, order: &[usize]) -> Annotation {
+        let present = |_: &Vec<bool>| order.iter().map(|&i| whole.is_present(i)).collect();
+        Annotation {
             name: format!("{}{}", whole.name, self.suffix),
-            boxes: order
-                .iter()
-                .filter_map(|&i| whole.boxes.get(i).copied())
-                .collect(),
-            present: whole
-                .present
-                .as_ref()
-                .map(|_| order.iter().map(|&i| whole.is_present(i)).collect()),
-            scale: whole.scale,
-        })
+            boxes: order.iter().map(|&i| whole.boxes[i]).collect(),
+            present: whole.present.as_ref().map(present),
+            ..whole.clone()
+        }
     }
 }
 
-/// The annotations of all passes; a sequence of which only the first box is public keeps its one pass.
+/// Whether more than the first frame is annotated. A sequence without keeps its one pass.
+fn has_passes(whole: &Annotation) -> bool {
+    whole.boxes.len() > 1
+}
+
+/// The annotations of all passes.
 pub fn annotations(whole: Vec<Annotation>) -> Vec<Annotation> {
-    passes(
-        whole,
-        |whole| whole,
-        |start, whole| start.annotation(whole, &start.order(whole.boxes.len())),
-    )
-}
-
-/// The same with their pictures.
-pub fn sequences(whole: Vec<Sequence>) -> Vec<Sequence> {
-    let pass = |start: Start, whole: &Sequence| {
-        let order = start.order(whole.frames.len());
-        let annotation = start.annotation(&whole.annotation, &order)?;
-        Some(Sequence {
-            annotation,
-            frames: order.iter().map(|&i| whole.frames[i].clone()).collect(),
-        })
-    };
-    passes(whole, |whole| &whole.annotation, pass)
-}
-
-fn passes<T>(
-    whole: Vec<T>,
-    annotation: impl Fn(&T) -> &Annotation,
-    pass: impl Fn(Start, &T) -> Option<T>,
-) -> Vec<T> {
     let mut passes = Vec::new();
     for whole in whole {
-        if annotation(&whole).boxes.len() > 1 {
-            passes.extend(STARTS.into_iter().filter_map(|start| pass(start, &whole)));
-        } else {
+        if !has_passes(&whole) {
             passes.push(whole);
+            continue;
+        }
+        for start in STARTS {
+            if let Some(order) = start.order(&whole) {
+                passes.push(start.annotation(&whole, &order));
+            }
         }
     }
     passes
+}
+
+/// The annotations of all passes with their pictures.
+pub fn sequences(whole: Vec<Sequence>) -> Vec<Sequence> {
+    let mut passes = Vec::new();
+    for whole in whole {
+        if !has_passes(&whole.annotation) {
+            passes.push(whole);
+            continue;
+        }
+        for start in STARTS {
+            if let Some(order) = start.order(&whole.annotation) {
+                passes.push(Sequence {
+                    annotation: start.annotation(&whole.annotation, &order),
+                    frames: order.iter().map(|&i| whole.frames[i].clone()).collect(),
+                });
+            }
+        }
+    }
+    passes
+}
+
+/// The sequence that a pass goes through.
+pub fn sequence_of(pass: &str) -> &str {
+    let suffixes = STARTS.iter().map(|start| start.suffix).skip(1);
+    let mut stripped = suffixes.filter_map(|suffix| pass.strip_suffix(suffix));
+    stripped.next().unwrap_or(pass)
 }
 
 /// Every pass has its sequence's attributes.
@@ -119,18 +142,15 @@ pub fn attributes(mut attributes: Attributes) -> Attributes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bbox::BBox;
+    use sequences::Rect;
     use std::path::PathBuf;
 
     fn sequence(n: usize) -> Sequence {
-        let boxes = (0..n)
-            .map(|i| BBox::new(i as f64, 0.0, 10.0, 10.0))
-            .collect();
+        let boxes = (0..n).map(|i| Rect::new(i as f64, 0.0, 10.0, 10.0));
         let annotation = Annotation {
-            name: "a".into(),
-            boxes,
             present: Some(vec![true; n]),
             scale: 0.5,
+            ..Annotation::new("a", boxes.collect())
         };
         Sequence {
             annotation,
@@ -138,64 +158,90 @@ mod tests {
         }
     }
 
-    #[test]
-    fn four_passes_with_their_pictures() {
-        let passes = sequences(vec![sequence(5)]);
-        let found: Vec<(&str, String)> = passes
+    /// Name and frames of every pass.
+    fn passes(whole: Sequence) -> Vec<(String, String)> {
+        let frames = |pass: &Sequence| {
+            pass.frames
+                .iter()
+                .map(|f| f.display().to_string())
+                .collect()
+        };
+        sequences(vec![whole])
             .iter()
-            .map(|pass| {
-                let frames = pass
-                    .frames
-                    .iter()
-                    .map(|path| path.display().to_string())
-                    .collect();
-                (pass.annotation.name.as_str(), frames)
-            })
-            .collect();
-        let expected = [
+            .map(|pass| (pass.annotation.name.clone(), frames(pass)))
+            .collect()
+    }
+
+    fn expected(passes: &[(&str, &str)]) -> Vec<(String, String)> {
+        let owned = |(name, frames): &(&str, &str)| ((*name).to_owned(), (*frames).to_owned());
+        passes.iter().map(owned).collect()
+    }
+
+    #[test]
+    fn visible_sequence_has_four_passes() {
+        let found = passes(sequence(5));
+
+        let all = [
             ("a", "01234"),
             ("a.middle", "234"),
             ("a.backwards", "43210"),
             ("a.middle-backwards", "210"),
         ];
-        assert_eq!(
-            found,
-            expected.map(|(name, frames)| (name, frames.to_owned()))
-        );
+        assert_eq!(found, expected(&all));
+        assert!(all.iter().all(|(pass, _)| sequence_of(pass) == "a"));
+    }
+
+    #[test]
+    fn pass_carries_the_boxes_of_its_frames() {
+        let passes = sequences(vec![sequence(5)]);
+
         for pass in &passes {
-            let along: Vec<f64> = pass
+            let frames = pass
                 .frames
                 .iter()
-                .map(|path| path.to_string_lossy().parse().unwrap())
-                .collect();
-            assert!(pass.annotation.boxes.iter().map(|b| b.x).eq(along));
-            assert_eq!(
-                pass.annotation.present.as_ref().map(Vec::len),
-                Some(pass.frames.len())
-            );
+                .map(|f| f.to_string_lossy().parse().unwrap());
+            assert!(pass.annotation.boxes.iter().map(|b| b.x).eq(frames));
+            let present = pass.annotation.present.as_ref().map(Vec::len);
+            assert_eq!(present, Some(pass.frames.len()));
         }
         let apart: Vec<Annotation> = passes.into_iter().map(|pass| pass.annotation).collect();
         assert_eq!(annotations(vec![sequence(5).annotation]), apart);
     }
 
     #[test]
-    fn a_pass_needs_a_target_to_start_with() {
-        let mut whole = sequence(6);
-        whole.annotation.boxes[5].w = f64::NAN;
-        whole.annotation.present.as_mut().unwrap()[3] = false;
-        let names: Vec<String> = sequences(vec![whole])
-            .into_iter()
-            .map(|pass| pass.annotation.name)
-            .collect();
-        assert_eq!(names, ["a", "a.middle-backwards"]);
+    fn pass_whose_start_is_hidden_starts_at_the_nearest_visible_frame() {
+        let mut whole = sequence(8);
+        whole.annotation.boxes[0] = Rect::NONE;
+        whole.annotation.boxes[7].w = f64::NAN;
+        whole.annotation.present.as_mut().unwrap()[4] = false;
+        whole.annotation.boxes[3].h = 0.0;
+
+        let found = passes(whole);
+
+        let all = [
+            ("a", "1234567"),
+            ("a.middle", "567"),
+            ("a.backwards", "6543210"),
+            ("a.middle-backwards", "210"),
+        ];
+        assert_eq!(found, expected(&all));
+    }
+
+    #[test]
+    fn sequence_with_one_public_box_keeps_its_one_pass() {
         let hidden = Sequence {
             annotation: sequence(1).annotation,
             ..sequence(4)
         };
-        assert_eq!(
-            sequences(vec![hidden.clone()]),
-            [hidden],
-            "only the first box is public"
-        );
+
+        assert_eq!(sequences(vec![hidden.clone()]), [hidden]);
+    }
+
+    #[test]
+    fn sequence_without_a_visible_frame_has_no_pass() {
+        let mut whole = sequence(3);
+        whole.annotation.boxes = vec![Rect::NONE; 3];
+
+        assert_eq!(passes(whole), []);
     }
 }

@@ -5,10 +5,11 @@
 //! follows well would be; what it makes of each frame is counted. The template is the first frame's and what the model adds to
 //! it.
 
-use crate::bbox::BBox;
-use crate::dataset::Sequence;
+use crate::boxes::{from_tracker, to_tracker};
 use crate::error::Error;
-use crate::run::{decode, failure};
+use crate::picture::decode;
+use crate::run::failure;
+use sequences::{Rect, Sequence};
 use serde::Serialize;
 use track_cpu::{Model, Tracker, TrackerOptions};
 
@@ -38,7 +39,7 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
     let annotation = &sequence.annotation;
     let wrong = |reason: String| failure(&annotation.name, reason);
     let mut tracker = Tracker::with_options(model.clone(), TrackerOptions::of(model));
-    let mut before: Option<BBox> = None;
+    let mut before: Option<Rect> = None;
     let (mut steps, mut started) = (Steps::default(), false);
     for (i, (path, truth)) in sequence.frames.iter().zip(&annotation.boxes).enumerate() {
         let truth = (annotation.is_present(i) && truth.is_usable()).then_some(*truth);
@@ -46,12 +47,12 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
         let frame = image.frame();
         match (truth, before) {
             (Some(truth), Some(before)) => {
-                let mut near = before.to_track_cpu().center();
+                let mut near = to_tracker(before).center();
                 let (off, angle) = (OFF * (before.w * before.h).sqrt(), TURN * i as f64);
                 near.cx += (off * angle.cos()) as f32;
                 near.cy += (off * angle.sin()) as f32;
                 tracker.place(near);
-                let found = BBox::from(
+                let found = from_tracker(
                     tracker
                         .update(&frame)
                         .map_err(|error| wrong(error.to_string()))?
@@ -64,7 +65,7 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
             }
             (Some(truth), None) if !started => {
                 tracker
-                    .init(&frame, truth.to_track_cpu())
+                    .init(&frame, to_tracker(truth))
                     .map_err(|error| wrong(error.to_string()))?;
                 started = true;
             }
@@ -83,11 +84,10 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::Dataset;
-    use crate::notes::Notes;
     use crate::render::Flights;
-    use crate::testing::Folder;
     use scenes::Difficulty;
+    use sequences::{Dataset, Notes};
+    use testing::Folder;
     use track_cpu::Isa;
 
     #[test]

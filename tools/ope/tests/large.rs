@@ -1,7 +1,8 @@
 //! A hundred thousand frames are scored in seconds, in little memory.
 
 use ope::score::Missing;
-use ope::{Convention, Evaluation, Notes, Results, annotations};
+use ope::{Evaluation, Results};
+use sequences::{Convention, Notes, annotation};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -47,7 +48,7 @@ fn benchmark(sequences: usize) -> PathBuf {
 /// Scores under all rules, and how long that took.
 fn score(folder: &Path) -> (f64, Duration) {
     let (began, mut notes) = (Instant::now(), Notes::default());
-    let truth = annotations::read_folder(&folder.join("truth")).unwrap();
+    let truth = annotation::read_folder(&folder.join("truth"), &mut notes).unwrap();
     let results = Results::open(&folder.join("found")).unwrap();
     let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
     let scores = evaluation.scores(&Convention::ALL, &mut notes).unwrap();

@@ -13,6 +13,9 @@ pub enum Error {
         /// What the operating system said.
         error: std::io::Error,
     },
+    /// Sequences or annotations that cannot be used.
+    #[error(transparent)]
+    Sequences(#[from] sequences::Error),
     /// A file is not what it should be.
     #[error("{}: expected {expected}, found {found}", path.display())]
     File {

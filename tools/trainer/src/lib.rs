@@ -8,7 +8,7 @@
 //! | accuracy, with the real tracker | [`validate`] |
 //! | smaller networks by rank | [`prune`] |
 //! | runs that are compared: ratios, parts of the method | [`study`] |
-//! | pictures of all that | [`show`], [`plot`] |
+//! | pictures of all that | [`show`] |
 
 #![forbid(unsafe_code)]
 
@@ -17,7 +17,6 @@ pub mod data;
 pub mod error;
 pub mod fit;
 pub mod network;
-pub mod plot;
 pub mod prune;
 pub mod rng;
 pub mod show;

@@ -17,7 +17,7 @@ fn main() -> ExitCode {
             eprintln!("error: {error}");
             ExitCode::from(match error {
                 Error::Option { .. } => 2,
-                Error::Io { .. } | Error::ReadWeights(_) => 3,
+                Error::Io { .. } | Error::Sequences(_) | Error::ReadWeights(_) => 3,
                 Error::WriteWeights(_) => 5,
                 _ => 4,
             })

@@ -7,6 +7,7 @@ use crate::data::picture::Picture;
 use crate::data::sequences::{self, Sequence};
 use crate::data::skipped::Skipped;
 use crate::error::Error;
+use ::sequences::{Annotation, Convention, Rect};
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -247,24 +248,20 @@ impl Run {
     }
 }
 
-/// Accuracy of `(found, true)` boxes in pictures of a `scale`.
+/// Accuracy of `(found, true)` boxes in pictures of a `scale`, by the rule of the got10k toolkit.
 fn accuracy(pairs: &[(BBox, BBox)], scale: f32) -> Accuracy {
-    let percent = |hits: usize| 100.0 * hits as f64 / pairs.len().max(1) as f64;
-    let near = pairs
-        .iter()
-        .filter(|(a, b)| a.center_distance(b) / scale <= 20.0)
-        .count();
-    let success = |i: i32| {
-        percent(
-            pairs
-                .iter()
-                .filter(|(a, b)| a.iou(b) > i as f32 * 0.05)
-                .count(),
-        )
+    let rect = |b: &BBox| Rect::from([b.x, b.y, b.w, b.h]);
+    let found: Vec<Rect> = pairs.iter().map(|(found, _)| rect(found)).collect();
+    let truth = Annotation {
+        scale: scale.into(),
+        ..Annotation::new("", pairs.iter().map(|(_, truth)| rect(truth)).collect())
     };
-    Accuracy {
-        precision: percent(near),
-        auc: (0..21).map(success).sum::<f64>() / 21.0,
+    match Convention::Got10k.curves(&truth, &found) {
+        Some(curves) => Accuracy {
+            precision: 100.0 * curves.precision(),
+            auc: 100.0 * curves.auc(),
+        },
+        None => Accuracy::default(),
     }
 }
 

@@ -4,13 +4,14 @@ use crate::args::{CompareArgs, ReportArgs, TrackersArgs};
 use ope::compare::{Comparison, Pair};
 use ope::score::Missing;
 use ope::table::Table;
-use ope::{Error, Notes, Results, report, results, starts};
+use ope::{Error, Results, diagnosis, report, results, starts};
+use sequences::Notes;
 use std::fs;
 
 /// Reads what is to be compared.
-fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
+pub fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
     let mut notes = Notes::default();
-    let annotations = super::truth(&args.truth, &mut notes)?;
+    let annotations = super::truth(&args.truth)?;
     let opened: Result<Vec<Results>, Error> = args
         .results
         .iter()
@@ -76,18 +77,18 @@ pub fn compare(args: &CompareArgs) -> Result<(), Error> {
 /// Writes the page.
 pub fn report(args: &ReportArgs) -> Result<(), Error> {
     let comparison = read(&args.trackers)?;
-    let failures = match (args.trackers.truth.dataset, &args.trackers.truth.root) {
-        (Some(set), Some(root)) if args.failures > 0 => {
-            let mut sequences = set.load(root, &mut Notes::default())?;
-            if args.trackers.truth.four_starts {
-                sequences = starts::sequences(sequences);
-            }
-            report::failures(&comparison, &sequences, args.failures)?
-        }
-        _ => Vec::new(),
-    };
+    let diagnosis = diagnosis::diagnose(&comparison);
+    let mut failures = Vec::new();
+    let mut sheets = Vec::new();
+    if args.failures > 0
+        && let Some(sequences) = super::sequences(&args.trackers.truth)?
+    {
+        failures = report::failures(&comparison, &sequences, args.failures)?;
+        sheets = report::sheets(&comparison, &diagnosis, &sequences, args.failures)?;
+    }
     let file = &args.out;
-    results::write_whole(file, &report::page(&args.title, &comparison, &failures))?;
+    let page = report::page(&args.title, &comparison, &diagnosis, &failures, &sheets);
+    results::write_whole(file, &page)?;
     eprintln!("{}", file.display());
     Ok(())
 }

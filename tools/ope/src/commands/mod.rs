@@ -1,6 +1,7 @@
 //! One file per sub-command, and how the program ends.
 
 pub mod compare;
+pub mod diagnose;
 pub mod export;
 pub mod render;
 pub mod run;
@@ -8,7 +9,8 @@ pub mod score;
 pub mod step;
 
 use crate::args::TruthArgs;
-use ope::{Annotation, Error, Notes, annotations, starts};
+use ope::{Error, starts};
+use sequences::{Annotation, Notes, Sequence, annotation};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -34,22 +36,38 @@ fn print(text: &str) -> Result<(), Error> {
         .map_err(Error::unwritable(Path::new("standard output")))
 }
 
-/// The annotations meant, by name.
-fn truth(args: &TruthArgs, notes: &mut Notes) -> Result<Vec<Annotation>, Error> {
+/// The annotations meant, by name; what is left out is noted on standard error.
+fn truth(args: &TruthArgs) -> Result<Vec<Annotation>, Error> {
+    let mut notes = Notes::default();
     let whole = match (&args.annotations, args.dataset, &args.root) {
-        (Some(folder), ..) => annotations::read_folder(folder),
-        (None, Some(set), Some(root)) => set.annotations(root, notes),
+        (Some(folder), ..) => annotation::read_folder(folder, &mut notes).map_err(Error::from),
+        (None, Some(set), Some(root)) => set.annotations(root, &mut notes).map_err(Error::from),
         _ => Err(Error::Option {
             option: "--annotations",
             expected: "it, or --dataset with --root".into(),
             found: "neither".into(),
         }),
     }?;
+    eprint!("{notes}");
     Ok(if args.four_starts {
         starts::annotations(whole)
     } else {
         whole
     })
+}
+
+/// The sequences meant with their pictures; `None` if only annotations are given.
+fn sequences(args: &TruthArgs) -> Result<Option<Vec<Sequence>>, Error> {
+    let (Some(set), Some(root)) = (args.dataset, &args.root) else {
+        return Ok(None);
+    };
+    // What is left out was noted when the annotations were read.
+    let whole = set.load(root, &mut Notes::default())?;
+    Ok(Some(if args.four_starts {
+        starts::sequences(whole)
+    } else {
+        whole
+    }))
 }
 
 /// A tracker's name that is to be a folder's.

@@ -2,7 +2,8 @@
 
 use crate::args::{MergeArgs, RunArgs};
 use ope::run::{Program, Runner};
-use ope::{Error, Notes, starts};
+use ope::{Error, starts};
+use sequences::Notes;
 use std::num::NonZeroUsize;
 use std::thread;
 use track_cpu::{Isa, Model};

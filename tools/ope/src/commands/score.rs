@@ -3,7 +3,8 @@
 use crate::args::{Rule, ScoreArgs};
 use ope::score::{Evaluation, Missing, Score};
 use ope::table::Table;
-use ope::{Error, Notes, Results};
+use ope::{Error, Results};
+use sequences::Notes;
 use serde_json::{Value, json};
 
 /// Scores one folder of results.
@@ -15,7 +16,7 @@ pub fn run(args: &ScoreArgs) -> Result<(), Error> {
         Missing::Refuse
     };
     let mut notes = Notes::default();
-    let annotations = super::truth(&args.truth, &mut notes)?;
+    let annotations = super::truth(&args.truth)?;
     let evaluation = Evaluation::read(&annotations, &results, missing, &mut notes)?;
     let scores = evaluation.scores(args.convention.conventions(), &mut notes)?;
     eprint!("{notes}");

@@ -1,9 +1,10 @@
 //! `ope step`.
 
 use crate::args::StepArgs;
+use ope::Error;
 use ope::step::{Steps, steps};
 use ope::table::Table;
-use ope::{Error, Notes};
+use sequences::Notes;
 use serde_json::{Value, json};
 use track_cpu::{Isa, Model};
 

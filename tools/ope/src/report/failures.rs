@@ -1,13 +1,12 @@
 //! Where the first tracker of a comparison failed worst, in pictures.
 
-use crate::bbox::BBox;
 use crate::compare::Comparison;
-use crate::dataset::Sequence;
 use crate::error::Error;
-use crate::run::decode;
+use crate::picture::{decode, rgb};
 use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, RgbImage, imageops};
-use track_cpu::ChannelOrder;
+use image::{ExtendedColorType, imageops};
+use sequences::{Rect, Sequence};
+use track_cpu::source::Image;
 
 /// Widest picture in the page.
 const WIDTH: u32 = 480;
@@ -34,9 +33,9 @@ pub struct Failure {
     /// Height of the frame in pixels.
     pub height: usize,
     /// The annotation in this frame.
-    pub annotated: BBox,
+    pub annotated: Rect,
     /// Each tracker's box in this frame.
-    pub found: Vec<BBox>,
+    pub found: Vec<Rect>,
     /// The frame, made smaller, as JPEG in base 64.
     pub jpeg: String,
 }
@@ -124,7 +123,8 @@ fn failure(
 
 /// Start and length of the longest run of `true`.
 fn longest(flags: &[bool]) -> Option<(usize, usize)> {
-    let (mut best, mut start) = (None::<(usize, usize)>, 0);
+    let mut best: Option<(usize, usize)> = None;
+    let mut start = 0;
     for (i, flag) in flags.iter().enumerate() {
         if !flag {
             start = i + 1;
@@ -136,33 +136,19 @@ fn longest(flags: &[bool]) -> Option<(usize, usize)> {
 }
 
 /// The picture, made smaller, as JPEG.
-fn jpeg(picture: &track_cpu::source::Image) -> Option<Vec<u8>> {
-    let bytes = picture
-        .data
-        .chunks_exact(picture.data.len() / (picture.width * picture.height));
-    let rgb: Vec<u8> = match picture.order {
-        ChannelOrder::Gray => bytes.flat_map(|p| [p[0]; 3]).collect(),
-        ChannelOrder::Rgb | ChannelOrder::Rgba => bytes.flat_map(|p| [p[0], p[1], p[2]]).collect(),
-        ChannelOrder::Bgr | ChannelOrder::Bgra => bytes.flat_map(|p| [p[2], p[1], p[0]]).collect(),
-    };
-    let (width, height) = (
-        u32::try_from(picture.width).ok()?,
-        u32::try_from(picture.height).ok()?,
-    );
-    let full = RgbImage::from_raw(width, height, rgb)?;
-    let small = match width > WIDTH {
-        true => imageops::thumbnail(&full, WIDTH, (height * WIDTH / width).max(1)),
-        false => full,
+fn jpeg(picture: &Image) -> Option<Vec<u8>> {
+    let full = rgb(picture)?;
+    let height = full.height() * WIDTH / full.width();
+    let small = if full.width() > WIDTH {
+        imageops::thumbnail(&full, WIDTH, height.max(1))
+    } else {
+        full
     };
     let mut bytes = Vec::new();
     let mut encoder = JpegEncoder::new_with_quality(&mut bytes, QUALITY);
+    let (width, height) = small.dimensions();
     encoder
-        .encode(
-            &small,
-            small.width(),
-            small.height(),
-            ExtendedColorType::Rgb8,
-        )
+        .encode(&small, width, height, ExtendedColorType::Rgb8)
         .ok()?;
     Some(bytes)
 }

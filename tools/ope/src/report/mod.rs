@@ -1,22 +1,31 @@
 //! One HTML page about a comparison, which needs nothing but itself: tables, plots, frames of the worst failures.
 
+mod diagnosis;
 mod failures;
 
+pub use diagnosis::{Sheet, sheets};
 pub use failures::{Failure, failures};
 
 use crate::compare::Comparison;
-use crate::plot::{color, escape};
+use crate::diagnosis::Diagnosis;
+use sequences::plot::{color, escape};
 use std::fmt::Write;
 
 /// The page.
-pub fn page(title: &str, comparison: &Comparison, failures: &[Failure]) -> String {
+pub fn page(
+    title: &str,
+    comparison: &Comparison,
+    diagnosis: &Diagnosis,
+    failures: &[Failure],
+    sheets: &[Sheet],
+) -> String {
     let title = escape(title);
     let sequences = comparison.scores.first().map_or(0, |score| score.sequences);
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n\
-         <h1>{title}</h1>\n<p>{} trackers on {sequences} sequences, one pass each, counted by the rule <b>{}</b>. \
+         <h1>{title}</h1>\n<p>{} trackers on {sequences} passes, counted by the rule <b>{}</b>. \
          Precision is the rate of frames whose center is at most 20 pixels off, AUC the area under the success curve; \
          a perfect tracker has an AUC of 95.2.</p>\n",
         include_str!("page.css"),
@@ -38,6 +47,7 @@ pub fn page(title: &str, comparison: &Comparison, failures: &[Failure]) -> Strin
     }
     html += "</section>\n";
     html += &attributes(comparison);
+    html += &diagnosis::section(diagnosis, sheets);
     html += &pictures(comparison, failures);
     html += &sequences_table(comparison);
     let _ = write!(
@@ -184,7 +194,7 @@ fn pictures(comparison: &Comparison, failures: &[Failure]) -> String {
     for failure in failures {
         let (w, h) = (failure.width, failure.height);
         let mut marks = String::new();
-        let mut mark = |b: &crate::BBox, style: &str| {
+        let mut mark = |b: &sequences::Rect, style: &str| {
             if b.is_usable() {
                 let _ = write!(
                     marks,

@@ -1,9 +1,10 @@
 use super::*;
-use crate::annotations::Annotation;
-use crate::dataset::Sequence;
+use crate::Results;
 use crate::score::Missing;
-use crate::testing::Folder;
-use crate::{Convention, Notes, Results, dataset::Attributes};
+use sequences::dataset::Attributes;
+use sequences::{Annotation, Sequence};
+use sequences::{Convention, Notes};
+use testing::Folder;
 
 #[test]
 fn a_page_of_two_trackers() {
@@ -12,13 +13,8 @@ fn a_page_of_two_trackers() {
         "f.ppm",
         [b"P6 8 6 255\n".as_slice(), &[99; 8 * 6 * 3]].concat(),
     );
-    let boxes = vec![crate::BBox::new(1.0, 1.0, 3.0, 3.0); 3];
-    let annotation = Annotation {
-        name: "<b>&".into(),
-        boxes,
-        present: None,
-        scale: 1.0,
-    };
+    let boxes = vec![sequences::Rect::new(1.0, 1.0, 3.0, 3.0); 3];
+    let annotation = Annotation::new("<b>&", boxes);
     folder.write("one/<b>&.txt", "1,1,3,3\n5,5,1,1\n5,5,1,1\n");
     folder.write("two/<b>&.txt", "1,1,3,3\n1,1,3,3\n1,1,3,3\n");
     let results = ["one", "two"].map(|at| Results::open(&folder.path().join(at)).unwrap());
@@ -42,7 +38,9 @@ fn a_page_of_two_trackers() {
         (failures.len(), failures[0].frame, failures[0].lost),
         (1, 2, 2)
     );
-    let html = page("a < b", &compared, &failures);
+    let diagnosis = crate::diagnosis::diagnose(&compared);
+    let sheets = sheets(&compared, &diagnosis, &sequences, 5).unwrap();
+    let html = page("a < b", &compared, &diagnosis, &failures, &sheets);
     assert!(html.contains("<h1>a &lt; b</h1>") && html.contains("data:image/jpeg;base64,/9j/"));
     assert!(!html.contains("<b>&<") && html.contains("&lt;b&gt;&amp;"));
     let text = html.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");

@@ -1,16 +1,15 @@
 //! This repository's tracker over one sequence.
 
 use super::{Outcome, failure};
-use crate::bbox::BBox;
-use crate::dataset::Sequence;
+use crate::boxes::{from_tracker, to_tracker};
 use crate::error::Error;
-use std::path::Path;
+use crate::picture::decode;
+use sequences::{Rect, Sequence};
 use std::time::Instant;
-use track_cpu::source::{Image, Input, Source};
 use track_cpu::{Model, Tracker};
 
 /// Tracks a sequence on this thread; the clock runs during `init` and `update` only.
-pub fn track(model: &Model, sequence: &Sequence, first: BBox) -> Result<Outcome, Error> {
+pub fn track(model: &Model, sequence: &Sequence, first: Rect) -> Result<Outcome, Error> {
     let name = &sequence.annotation.name;
     let mut tracker = Tracker::new(model.clone());
     let mut outcome = Outcome {
@@ -22,9 +21,9 @@ pub fn track(model: &Model, sequence: &Sequence, first: BBox) -> Result<Outcome,
         let frame = image.frame();
         let clock = Instant::now();
         let found = if outcome.boxes.is_empty() {
-            tracker.init(&frame, first.to_track_cpu()).map(|()| first)
+            tracker.init(&frame, to_tracker(first)).map(|()| first)
         } else {
-            tracker.update(&frame).map(|track| BBox::from(track.bbox))
+            tracker.update(&frame).map(|track| from_tracker(track.bbox))
         };
         outcome.seconds.push(clock.elapsed().as_secs_f64());
         outcome
@@ -32,13 +31,4 @@ pub fn track(model: &Model, sequence: &Sequence, first: BBox) -> Result<Outcome,
             .push(found.map_err(|error| failure(name, error))?);
     }
     Ok(outcome)
-}
-
-/// Reads one picture.
-pub fn decode(path: &Path) -> Result<Image, String> {
-    let mut source = Source::open(&Input::new(path)).map_err(|error| error.to_string())?;
-    let image = source
-        .next()
-        .ok_or_else(|| format!("{}: no picture", path.display()))?;
-    image.map_err(|error| error.to_string())
 }

@@ -1,10 +1,8 @@
 //! Another program over one sequence.
 
 use super::{Outcome, failure};
-use crate::bbox::BBox;
-use crate::dataset::Sequence;
 use crate::error::Error;
-use crate::text;
+use sequences::{Rect, Sequence, text};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -87,7 +85,7 @@ impl CommandLine {
         &self,
         timeout: Duration,
         sequence: &Sequence,
-        first: BBox,
+        first: Rect,
         folder: &Path,
     ) -> Result<Outcome, Error> {
         let name = &sequence.annotation.name;

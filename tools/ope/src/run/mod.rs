@@ -8,14 +8,12 @@ mod command;
 mod merge;
 mod session;
 
-pub(crate) use builtin::decode;
 pub use command::CommandLine;
 pub use merge::merge;
 
-use crate::bbox::BBox;
-use crate::dataset::Sequence;
 use crate::error::{Error, brief};
 use crate::results::Results;
+use sequences::{Rect, Sequence};
 use std::num::NonZeroUsize;
 use std::path::Path;
 use std::str::FromStr;
@@ -73,7 +71,7 @@ impl Program {
         })
     }
 
-    fn track(&self, sequence: &Sequence, first: BBox, folder: &Path) -> Result<Outcome, Error> {
+    fn track(&self, sequence: &Sequence, first: Rect, folder: &Path) -> Result<Outcome, Error> {
         match self.manner {
             Manner::Files => self.line.track(self.timeout, sequence, first, folder),
             Manner::Trax => session::track(&self.line, self.timeout, sequence, first),
@@ -85,7 +83,7 @@ impl Program {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// One box per frame, the first being the one given.
-    pub boxes: Vec<BBox>,
+    pub boxes: Vec<Rect>,
     /// Seconds per frame, reading pictures excluded; empty if not known.
     pub seconds: Vec<f64>,
 }

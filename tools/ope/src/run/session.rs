@@ -1,9 +1,8 @@
 //! Another program over one sequence, through the TraX protocol: this end is the client.
 
 use super::{CommandLine, Outcome, failure};
-use crate::bbox::BBox;
-use crate::dataset::Sequence;
 use crate::error::Error;
+use sequences::{Rect, Sequence};
 use std::fs;
 use std::io::{BufReader, Write};
 use std::path::Path;
@@ -26,7 +25,7 @@ pub fn track(
     line: &CommandLine,
     timeout: Duration,
     sequence: &Sequence,
-    first: BBox,
+    first: Rect,
 ) -> Result<Outcome, Error> {
     let failure = |reason: String| {
         failure(
@@ -133,8 +132,8 @@ impl Server {
     }
 
     /// The messages that give an object and its picture.
-    fn beginning(&self, image: String, first: BBox) -> Vec<Message> {
-        let BBox { x, y, w, h } = first;
+    fn beginning(&self, image: String, first: Rect) -> Vec<Message> {
+        let Rect { x, y, w, h } = first;
         let region = match self.takes_rectangles {
             true => Rectangle::new(x, y, w, h).to_string(),
             false => {
@@ -150,7 +149,7 @@ impl Server {
     }
 
     /// Sends messages and waits for the box in answer.
-    fn ask(&mut self, messages: &[Message]) -> Result<BBox, String> {
+    fn ask(&mut self, messages: &[Message]) -> Result<Rect, String> {
         let text: String = messages
             .iter()
             .map(|message| format!("{message}\n"))
@@ -168,7 +167,7 @@ impl Server {
         let Rectangle { x, y, w, h } = Region::parse(region)
             .map_err(|error| error.to_string())?
             .rectangle();
-        Ok(BBox::new(x, y, w, h))
+        Ok(Rect::new(x, y, w, h))
     }
 
     /// The next message, which has to be of a kind.

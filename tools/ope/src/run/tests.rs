@@ -1,7 +1,7 @@
 use super::*;
-use crate::annotations::Annotation;
-use crate::testing::Folder;
+use sequences::Annotation;
 use std::sync::Mutex;
+use testing::Folder;
 
 /// Three sequences of empty pictures.
 fn sequences(folder: &Folder) -> Vec<Sequence> {
@@ -9,14 +9,9 @@ fn sequences(folder: &Folder) -> Vec<Sequence> {
         let frames = (1..=3)
             .map(|i| folder.write(&format!("{name}/{i}.jpg"), ""))
             .collect();
-        let boxes = vec![BBox::new(1.0, 2.0, 30.0, 40.5); 3];
+        let boxes = vec![Rect::new(1.0, 2.0, 30.0, 40.5); 3];
         Sequence {
-            annotation: Annotation {
-                name: name.into(),
-                boxes,
-                present: None,
-                scale: 1.0,
-            },
+            annotation: Annotation::new(name, boxes),
             frames,
         }
     };
@@ -67,7 +62,7 @@ fn what_is_there_is_not_done_again() {
     assert_eq!(run_command(&sequences, "1/1", "false", &out).0, Ok(0));
     std::fs::write(out.join("b.txt"), "1,2,3,4\n").unwrap(); // cut short
     assert_eq!(run_command(&sequences, "1/1", ECHO, &out).0, Ok(1));
-    let left: Vec<_> = crate::annotations::entries(&out).unwrap();
+    let left: Vec<_> = sequences::folder::entries(&out).unwrap();
     assert_eq!(left.len(), 3, "{left:?}");
 }
 
@@ -146,18 +141,13 @@ fn the_built_in_tracker_runs_on_files() {
     let frames = (0..4)
         .map(|i| folder.write(&format!("s/{i}.ppm"), picture(2 * i)))
         .collect();
-    let boxes = vec![BBox::new(24.0, 24.0, 16.0, 16.0); 4];
-    let annotation = Annotation {
-        name: "s".into(),
-        boxes,
-        present: None,
-        scale: 1.0,
-    };
+    let boxes = vec![Rect::new(24.0, 24.0, 16.0, 16.0); 4];
+    let annotation = Annotation::new("s", boxes);
     let mut sequence = Sequence { annotation, frames };
     let runner = Runner::Builtin(Model::builtin(track_cpu::Isa::detect()));
     let outcome = runner.track(&sequence, folder.path()).unwrap();
     assert_eq!((outcome.boxes.len(), outcome.seconds.len()), (4, 4));
-    assert!(outcome.boxes.iter().all(BBox::is_usable) && outcome.seconds.iter().all(|s| *s > 0.0));
+    assert!(outcome.boxes.iter().all(Rect::is_usable) && outcome.seconds.iter().all(|s| *s > 0.0));
     assert!(outcome.boxes[3].x > 26.0, "{:?}", outcome.boxes);
     sequence.frames.push(folder.write("s/9.ppm", "P6"));
     assert!(

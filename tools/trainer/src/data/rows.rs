@@ -5,6 +5,7 @@
 
 use super::skipped::Skipped;
 use crate::error::Error;
+use ::sequences::{Rect, text};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fs::File;
@@ -27,8 +28,8 @@ pub struct Row {
     pub group: String,
 }
 
-/// Largest JSON file read, in bytes.
-const MAX_JSON_BYTES: u64 = 1 << 30;
+/// Most bytes of an annotation file that are read.
+const MAX_BYTES: u64 = 1 << 30;
 
 /// Reads the rows of an annotation file, in the order of the file.
 ///
@@ -44,14 +45,42 @@ pub fn read(file: &Path, skipped: &mut Skipped) -> Result<Vec<Row>, Error> {
         read_csv(file, skipped)?
     };
     let root = root(file, &raw);
+    let mut sizes = HashMap::new();
     let mut rows = Vec::with_capacity(raw.len());
     for (place, fields) in raw {
-        match row(&root, &fields) {
+        match row(&root, &fields).and_then(|row| inside(row, &mut sizes)) {
             Ok(row) => rows.push(row),
             Err(reason) => skipped.add(format!("{}:{place}", file.display()), reason),
         }
     }
     Ok(rows)
+}
+
+/// Width and height of pictures by path; `None` for a picture that cannot be read.
+type Sizes = HashMap<PathBuf, Option<(u32, u32)>>;
+
+/// The row, if its box shares an area with its picture. A picture that cannot be read is reported
+/// where it is used.
+fn inside(row: Row, sizes: &mut Sizes) -> Result<Row, String> {
+    let size = match sizes.get(&row.path) {
+        Some(size) => *size,
+        None => {
+            let size = image::image_dimensions(&row.path).ok();
+            sizes.insert(row.path.clone(), size);
+            size
+        }
+    };
+    let BBox { x, y, w, h } = row.bbox;
+    match size {
+        Some((width, height))
+            if !Rect::from([x, y, w, h]).is_in_picture(width.into(), height.into()) =>
+        {
+            Err(format!(
+                "box at {x},{y} lies outside its picture of {width} x {height} pixels"
+            ))
+        }
+        _ => Ok(row),
+    }
 }
 
 /// A row's text by column.
@@ -61,11 +90,13 @@ type Fields = HashMap<String, String>;
 type Placed = (u64, Fields);
 
 fn read_csv(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
-    let handle = File::open(file).map_err(Error::io(file))?;
+    let text = read_text(file)?;
+    let delimiter = delimiter(&text);
     let mut reader = csv::ReaderBuilder::new()
         .flexible(true)
         .trim(csv::Trim::All)
-        .from_reader(handle);
+        .delimiter(delimiter)
+        .from_reader(text.as_bytes());
     let header = reader
         .headers()
         .map_err(|error| Error::file(file, "a CSV header", error))?
@@ -113,13 +144,28 @@ fn read_csv(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
     Ok(rows)
 }
 
-fn read_json(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
-    let mut text = String::new();
+/// The text of a file, whatever Unicode encoding its byte order mark names.
+fn read_text(file: &Path) -> Result<String, Error> {
+    let mut bytes = Vec::new();
     let handle = File::open(file).map_err(Error::io(file))?;
-    handle
-        .take(MAX_JSON_BYTES)
-        .read_to_string(&mut text)
-        .map_err(Error::io(file))?;
+    let mut limited = handle.take(MAX_BYTES);
+    limited.read_to_end(&mut bytes).map_err(Error::io(file))?;
+    Ok(text::decode(&bytes))
+}
+
+/// The character between columns, told by the header: spreadsheets write semicolons or tabs where
+/// the decimal separator is a comma.
+fn delimiter(text: &str) -> u8 {
+    let header = text.lines().next().unwrap_or_default();
+    let is_in_header = |delimiter: &&u8| header.contains(char::from(**delimiter));
+    *[b',', b';', b'\t']
+        .iter()
+        .find(is_in_header)
+        .unwrap_or(&b',')
+}
+
+fn read_json(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
+    let text = read_text(file)?;
     let value: Value = serde_json::from_str(&text)
         .map_err(|error| Error::file(file, "a JSON array of objects", error))?;
     let Value::Array(objects) = value else {
@@ -181,7 +227,9 @@ fn name(fields: &Fields) -> Option<&String> {
 fn row(root: &Path, fields: &Fields) -> Result<Row, String> {
     let number = |key: &str| {
         let text = fields.get(key).ok_or(format!("no {key:?}"))?;
+        // Only a field of a file with other delimiters can hold a comma: a decimal one.
         let value: f32 = text
+            .replace(',', ".")
             .parse()
             .map_err(|_| format!("{key} is {text:?}, expected a number"))?;
         if value.is_finite() {
@@ -224,14 +272,14 @@ fn row(root: &Path, fields: &Fields) -> Result<Row, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::Folder;
+    use testing::Folder;
 
     fn folder() -> Folder {
         let folder = Folder::new("rows");
-        std::fs::create_dir(folder.path().join("images")).unwrap();
-        for name in ["a.png", "b.png"] {
-            std::fs::write(folder.path().join("images").join(name), "").unwrap();
-        }
+        folder.write("images/a.png", "");
+        folder.write("images/b.png", "");
+        let picture = image::RgbImage::new(160, 120);
+        picture.save(folder.join("images/c.png")).unwrap();
         folder
     }
 
@@ -243,70 +291,102 @@ mod tests {
         a.png,1,2,3\n\
         a.png,1,2,x,4,t,11,s\n\
         a.png,1,2,3,4,t,-1,s\n\
+        c.png,900,900,24,18,t,12,s\n\
+        c.png,-24,10,24,18,t,13,s\n\
         b.png,0,0,1,1,u,0,s\n";
 
     #[test]
-    fn bad_rows_are_skipped_by_name() {
+    fn unusable_row_is_skipped_by_line() {
         let folder = folder();
-        let file = folder.path().join("index.csv");
-        std::fs::write(&file, BAD).unwrap();
+        let file = folder.write("index.csv", BAD);
         let mut skipped = Skipped::default();
+
         let rows = read(&file, &mut skipped).unwrap();
+
         assert_eq!(rows.len(), 2);
         assert_eq!(rows[0].bbox, BBox::new(1.0, 2.0, 30.5, 4.0));
-        assert_eq!(
-            (rows[0].track.as_deref(), rows[0].frame, &rows[0].group[..]),
-            (Some("t"), 7, "s")
-        );
+        assert_eq!(rows[0].track.as_deref(), Some("t"));
+        assert_eq!((rows[0].frame, &rows[0].group[..]), (7, "s"));
         let text = skipped.to_string();
-        for (line, reason) in [
+        let reasons = [
             (3, "missing.png is missing"),
             (4, "x is NaN"),
             (5, "box of 0 x 4"),
             (6, "4 columns, expected 8"),
             (7, "w is \"x\""),
             (8, "frame is \"-1\""),
-        ] {
-            let line = format!("index.csv:{line}: ");
-            assert!(
-                text.lines()
-                    .any(|l| l.contains(&line) && l.contains(reason)),
-                "{line}{reason} not in {text}"
-            );
+            (
+                9,
+                "box at 900,900 lies outside its picture of 160 x 120 pixels",
+            ),
+            (10, "box at -24,10 lies outside"),
+        ];
+        for (line, reason) in reasons {
+            let place = format!("index.csv:{line}: ");
+            let is_said = |said: &str| said.contains(&place) && said.contains(reason);
+            assert!(text.lines().any(is_said), "{place}{reason} not in {text}");
         }
-        assert_eq!(skipped.count(), 6);
+        assert_eq!(skipped.count(), reasons.len());
     }
 
     #[test]
-    fn json_is_the_same() {
-        let folder = folder();
-        let file = folder.path().join("index.json");
-        std::fs::write(
-            &file,
-            r#"[{"file": "a.png", "x": 1, "y": 2, "w": 30.5, "h": 4, "label": "l"}, {"file": "b.png", "x": null}, 5]"#,
-        )
-        .unwrap();
-        let mut skipped = Skipped::default();
-        let rows = read(&file, &mut skipped).unwrap();
-        assert_eq!((rows.len(), skipped.count()), (1, 2));
-        assert_eq!(
-            (rows[0].bbox.w, rows[0].track.clone(), &rows[0].group[..]),
-            (30.5, None, "l")
-        );
-    }
-
-    #[test]
-    fn unusable_files_are_errors() {
-        let folder = folder();
-        let write = |name: &str, text: &str| {
-            let file = folder.path().join(name);
-            std::fs::write(&file, text).unwrap();
-            read(&file, &mut Skipped::default())
-                .unwrap_err()
-                .to_string()
+    fn csv_in_every_spelling_is_read_alike() {
+        let utf16 = |text: &str| {
+            let units = text.encode_utf16().flat_map(u16::to_le_bytes);
+            [0xff, 0xfe].into_iter().chain(units).collect::<Vec<u8>>()
         };
-        assert!(write("a.csv", "path,x,y,w\n").contains("column \"h\""));
-        assert!(write("a.json", "{}").contains("array of objects"));
-        assert!(read(&folder.path().join("none.csv"), &mut Skipped::default()).is_err());
+        let cases: [(&str, Vec<u8>); 6] = [
+            ("commas", b"path,x,y,w,h\na.png,1,2,30.5,4\n".to_vec()),
+            (
+                "mark",
+                b"\xef\xbb\xbfpath,x,y,w,h\r\na.png,1,2,30.5,4\r\n".to_vec(),
+            ),
+            ("CR", b"path,x,y,w,h\ra.png,1,2,30.5,4\r".to_vec()),
+            ("semicolons", b"path;x;y;w;h\na.png;1;2;30,5;4\n".to_vec()),
+            ("tabs", b"path\tx\ty\tw\th\na.png\t1\t2\t30,5\t4\n".to_vec()),
+            ("UTF-16", utf16("path,x,y,w,h\na.png,1,2,30.5,4\n")),
+        ];
+        for (what, bytes) in cases {
+            let folder = folder();
+            let file = folder.write("index.csv", bytes);
+            let mut skipped = Skipped::default();
+
+            let rows = read(&file, &mut skipped).unwrap();
+
+            assert_eq!((rows.len(), skipped.count()), (1, 0), "{what}: {skipped}");
+            assert_eq!(rows[0].bbox, BBox::new(1.0, 2.0, 30.5, 4.0), "{what}");
+        }
+    }
+
+    #[test]
+    fn json_objects_are_read_like_rows() {
+        let folder = folder();
+        let text = r#"[{"file": "a.png", "x": 1, "y": 2, "w": 30.5, "h": 4, "label": "l"},
+            {"file": "b.png", "x": null}, 5]"#;
+        let file = folder.write("index.json", text);
+        let mut skipped = Skipped::default();
+
+        let rows = read(&file, &mut skipped).unwrap();
+
+        assert_eq!((rows.len(), skipped.count()), (1, 2));
+        assert_eq!((rows[0].bbox.w, &rows[0].group[..]), (30.5, "l"));
+        assert_eq!(rows[0].track, None);
+    }
+
+    #[test]
+    fn file_without_a_needed_column_is_refused() {
+        let cases = [
+            ("a.csv", "path,x,y,w\n", "column \"h\""),
+            ("a.json", "{}", "array of objects"),
+        ];
+        for (name, text, expected) in cases {
+            let folder = folder();
+            let file = folder.write(name, text);
+
+            let error = read(&file, &mut Skipped::default()).unwrap_err();
+
+            assert!(error.to_string().contains(expected), "{error}");
+        }
+        assert!(read(Path::new("none.csv"), &mut Skipped::default()).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! Curves of a run's log as one SVG picture.
 
-use crate::plot::{Line, Panel, svg as draw};
+use sequences::plot::panels::{Line, Panel, svg as draw};
 use serde_json::Value;
 
 /// Losses above, accuracy in validation below, over the step. `log` are the lines of the log.

@@ -1,8 +1,8 @@
 //! What came out of a study's runs, as Markdown, JSON and a plot.
 
 use super::Outcome;
-use crate::plot::{self, Line, Panel};
 use crate::validate::{Accuracy, Report};
+use sequences::plot::panels::{self, Line, Panel};
 use serde_json::json;
 
 /// A quantity over runs that differ in the seed only.
@@ -186,5 +186,5 @@ pub fn svg(title: &str, outcomes: &[Outcome]) -> String {
             low,
         }
     };
-    plot::svg(&sets(outcomes).into_iter().map(panel).collect::<Vec<_>>())
+    panels::svg(&sets(outcomes).into_iter().map(panel).collect::<Vec<_>>())
 }

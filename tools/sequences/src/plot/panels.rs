@@ -1,14 +1,11 @@
-//! Lines as SVG: one panel below the other.
+//! Panels of lines, one below the other.
 
+use super::{color, escape};
 use std::fmt::Write;
 
 const WIDTH: f64 = 900.0;
 const HEIGHT: f64 = 300.0;
 const MARGIN: f64 = 46.0;
-const COLORS: [&str; 7] = [
-    "#111111", "#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#8c564b", "#e377c2",
-];
-
 /// Most points that are drawn of a line.
 const POINTS: usize = 600;
 
@@ -19,7 +16,7 @@ pub struct Line {
     pub name: String,
     /// Its points, x ascending.
     pub points: Vec<(f64, f64)>,
-    /// How far up and down each point may be off; none if that is not known.
+    /// The uncertainty of each point, up and down; empty if unknown.
     pub spread: Vec<f64>,
 }
 
@@ -30,9 +27,10 @@ pub struct Panel {
     pub title: String,
     /// The lines.
     pub lines: Vec<Line>,
-    /// Labels of the x axis at their places. Without any, the axis begins at 0; with them, each point is marked.
+    /// Labels of the x axis at their places. Without any, the axis begins at 0; with them, each point
+    /// is marked.
     pub ticks: Vec<(f64, String)>,
-    /// Where the y axis begins.
+    /// The lower end of the y axis.
     pub low: f64,
 }
 
@@ -51,7 +49,7 @@ pub fn svg(panels: &[Panel]) -> String {
 }
 
 impl Panel {
-    /// Where the x axis begins and ends.
+    /// Both ends of the x axis.
     fn reach(&self) -> (f64, f64) {
         match (self.ticks.first(), self.ticks.last()) {
             (Some((first, _)), Some((last, _))) => {
@@ -67,7 +65,7 @@ impl Panel {
         self.lines.iter().flat_map(|line| &line.points)
     }
 
-    /// The highest that a point may lie, what it may be off included.
+    /// The highest value of a point with its uncertainty.
     fn top(&self) -> f64 {
         let spread = |line: &Line, i: usize| line.spread.get(i).copied().unwrap_or(0.0);
         let tops = |line: &Line| {
@@ -81,7 +79,7 @@ impl Panel {
         self.lines.iter().map(tops).fold(self.low + 1e-6, f64::max)
     }
 
-    // Writing to a string cannot fail, so what it returns is dropped.
+    // Writing to a string cannot fail, so the results are dropped.
     fn draw(&self, svg: &mut String, top: f64) {
         let (first, last) = self.reach();
         let high = self.top();
@@ -99,7 +97,7 @@ impl Panel {
             svg,
             "<text x=\"{MARGIN}\" y=\"{}\">{}</text>",
             top + 16.0,
-            escaped(&self.title)
+            escape(&self.title)
         );
         let mut ticks = self.ticks.clone();
         for (level, label) in levels {
@@ -118,7 +116,7 @@ impl Panel {
         }
         for (at, label) in ticks {
             let (x, y) = place((at, self.low));
-            let label = escaped(&label);
+            let label = escape(&label);
             let _ = writeln!(
                 svg,
                 "<text x=\"{x:.1}\" y=\"{:.1}\" fill=\"#666\">{label}</text>",
@@ -131,7 +129,7 @@ impl Panel {
             .enumerate()
             .filter(|(_, line)| !line.points.is_empty())
         {
-            let color = COLORS[i % COLORS.len()];
+            let color = color(i);
             let thinned = line.points.len().div_ceil(POINTS);
             let drawn: Vec<_> = line
                 .points
@@ -163,9 +161,10 @@ impl Panel {
                     "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\"/>"
                 );
             }
-            let (x, y) = (WIDTH - 3.3 * MARGIN, top + 30.0 + 16.0 * i as f64);
+            let x = WIDTH - 3.3 * MARGIN;
+            let y = top + 30.0 + 16.0 * i as f64;
             let newest = line.points.last().map_or(0.0, |(_, y)| *y);
-            let name = escaped(&line.name);
+            let name = escape(&line.name);
             let _ = writeln!(
                 svg,
                 "<text x=\"{x}\" y=\"{y}\" fill=\"{color}\">{name} {newest:.3}</text>"
@@ -191,19 +190,12 @@ fn levels(low: f64, high: f64) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Text that is no markup.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn ticks_marks_and_spread() {
+    fn panel_with_ticks_marks_points_and_makes_room_for_spread() {
         let line = Line {
             name: "a<b".into(),
             points: vec![(1.0, 50.0), (2.0, 60.0)],

@@ -1,22 +1,24 @@
-//! Benchmarks as they lie on disk, in every layout that they are handed out or repackaged in.
+//! Benchmarks as they lie on disk, in every layout in which they are published or repackaged.
 //!
 //! | benchmark | annotations | pictures |
 //! |---|---|---|
-//! | UAV123, UAV123@10fps, UAV20L | `anno/<set>/<sequence>.txt`, flags in `att/` | `data_seq/<set>/<video>/`, cut by a table |
-//! | DTB70, OTB100, a plain folder | `<sequence>/groundtruth*.txt` | beside it, or in `img`, `imgs`, `color` |
-//! | UAVDT | `anno/<sequence>_gt.txt`, flags `<sequence>_att.txt` | a folder `<sequence>` anywhere |
+//! | UAV123, @10fps, UAV20L | `anno/<set>/<sequence>.txt`, flags in `att/` | `data_seq/<set>/<video>/`, cut |
+//! | DTB70, OTB100, a plain folder | `<sequence>/groundtruth*.txt` | beside it, in `img`, `imgs`, `color` |
+//! | UAVDT | `anno/<sequence>_gt.txt`, flags `_att.txt` | a folder `<sequence>` anywhere |
 //! | VisDrone | `annotations/<sequence>.txt`, or `initialization/` | a folder `<sequence>` anywhere |
 //! | GOT-10k, LaSOT | `<sequence>/groundtruth.txt`, absence lists | beside it, or in `img` |
 //!
-//! Folders are recognized by their names wherever they lie below the root, so that wrapping folders do not matter.
+//! Folders are recognized by their names at any depth below the root, so that wrapping folders do not
+//! matter. File names are matched in any case; hidden files and `__MACOSX` are passed over.
 
 mod attributes;
-mod pictures;
-mod ranges;
-mod tree;
+pub(crate) mod pictures;
+pub(crate) mod ranges;
+pub(crate) mod tree;
 
-use crate::annotations::{self, Annotation, file_name};
+use crate::annotation::{Annotation, is_groundtruth, none_because, sequence_name, single};
 use crate::error::Error;
+use crate::folder::file_name;
 use crate::notes::Notes;
 use crate::text;
 use std::collections::BTreeMap;
@@ -54,7 +56,7 @@ pub enum Dataset {
 pub struct Sequence {
     /// Name and boxes; a single box where only the first is public.
     pub annotation: Annotation,
-    /// The pictures in order: as many as there are boxes, or more where only the first box is public.
+    /// The pictures in order: as many as boxes, or more where only the first box is public.
     pub frames: Vec<PathBuf>,
 }
 
@@ -120,42 +122,44 @@ impl Dataset {
         }
     }
 
-    /// The annotations below `root`, by name, without looking at pictures.
+    /// The annotations below `root`, by name, without a look at pictures.
+    ///
+    /// A sequence with two annotations, or with one that cannot be used, is left out and noted.
     ///
     /// # Errors
-    /// If a folder or file cannot be used, two are of one sequence, or there is none.
+    /// If the root cannot be read, or no annotation can be used.
     pub fn annotations(self, root: &Path, notes: &mut Notes) -> Result<Vec<Annotation>, Error> {
-        let tree = Tree::read(root)?;
-        self.read_annotations(root, &tree, notes)
+        let read = self.read_annotations(root, &Tree::read(root)?, notes)?;
+        Ok(read.into_iter().map(|(annotation, _)| annotation).collect())
     }
 
-    /// The sequences below `root`, by name. One whose pictures are missing is left out and noted.
+    /// The sequences below `root`, by name.
+    ///
+    /// A sequence without usable pictures or annotation is left out and noted.
     ///
     /// # Errors
-    /// As of [`annotations`](Self::annotations), and if no sequence has pictures.
+    /// If the root cannot be read, or no sequence can be used.
     pub fn load(self, root: &Path, notes: &mut Notes) -> Result<Vec<Sequence>, Error> {
         let tree = Tree::read(root)?;
-        let files = self.annotation_files(root, &tree)?;
-        let annotations = self.read_annotations(root, &tree, notes)?;
+        let mut arisen = Notes::default();
         let mut sequences = Vec::new();
-        for annotation in annotations {
-            let frames = pictures::of(self, &annotation, &files[&annotation.name], &tree);
-            match frames {
-                Ok(frames) => sequences.extend(matched(annotation, frames, notes)),
-                Err(reason) => notes.add(format!("{}: left out: {reason}", annotation.name)),
+        for (annotation, path) in self.read_annotations(root, &tree, &mut arisen)? {
+            let name = annotation.name.clone();
+            let boxes = annotation.boxes.len();
+            match pictures::of(self, &name, &path, boxes, &tree) {
+                Ok(frames) => sequences.extend(matched(annotation, frames, &mut arisen)),
+                Err(reason) => arisen.add(name, format!("left out: {reason}")),
             }
         }
         if sequences.is_empty() {
-            return Err(Error::content(
-                root,
-                format!("pictures of {}", self.name()),
-                "none",
-            ));
+            let expected = format!("pictures of {}", self.name());
+            return Err(Error::content(root, expected, none_because(&arisen)));
         }
+        notes.extend(arisen);
         Ok(sequences)
     }
 
-    /// The attributes that the files below `root` give to sequences; none where there are no such files.
+    /// The attributes that the files below `root` give to sequences; empty without such files.
     ///
     /// # Errors
     /// If a file cannot be used.
@@ -163,69 +167,68 @@ impl Dataset {
         attributes::read(self, &Tree::read(root)?)
     }
 
+    /// Every sequence's annotation with its file.
     fn read_annotations(
         self,
         root: &Path,
         tree: &Tree,
         notes: &mut Notes,
-    ) -> Result<Vec<Annotation>, Error> {
+    ) -> Result<Vec<(Annotation, PathBuf)>, Error> {
+        let mut arisen = Notes::default();
         let mut read = Vec::new();
-        for (name, path) in self.annotation_files(root, tree)? {
-            let boxes = text::read_boxes(&path)?;
-            let present = self.present(&path, boxes.len())?;
-            let scale = annotations::scale_beside(&path)?;
-            read.push(Annotation {
-                name,
-                boxes,
-                present,
-                scale,
-            });
+        for (name, paths) in self.annotation_files(tree) {
+            match self.read_annotation(&name, &paths) {
+                Ok(annotation) => read.push((annotation, paths[0].clone())),
+                Err(reason) => arisen.add(name, format!("left out: {reason}")),
+            }
+        }
+        if read.is_empty() {
+            let files = if self.is_beside() {
+                "<sequence>/groundtruth*.txt"
+            } else {
+                "anno/<sequence>.txt"
+            };
+            let expected = format!("annotations of {} ({files})", self.name());
+            return Err(Error::content(root, expected, none_because(&arisen)));
         }
         if let Some(expected) = self.sequences().filter(|expected| *expected != read.len()) {
-            notes.add(format!(
-                "{} has {expected} sequences, {} are here",
+            let found = read.len();
+            arisen.add(
                 self.name(),
-                read.len()
-            ));
+                format!("it has {expected} sequences, {found} are here"),
+            );
         }
+        notes.extend(arisen);
         Ok(read)
     }
 
-    /// Every sequence's annotation.
-    fn annotation_files(
-        self,
-        root: &Path,
-        tree: &Tree,
-    ) -> Result<BTreeMap<String, PathBuf>, Error> {
-        let mut files: BTreeMap<String, PathBuf> = BTreeMap::new();
-        for path in tree
-            .texts
-            .iter()
-            .filter(|path| self.is_annotation(path, tree))
-        {
+    fn read_annotation(self, name: &str, paths: &[PathBuf]) -> Result<Annotation, String> {
+        let path = single(paths)?;
+        let read = || {
+            let mut annotation = Annotation::read(name, path)?;
+            annotation.present = self.present(path, annotation.boxes.len())?;
+            Ok(annotation)
+        };
+        read().map_err(|error: Error| error.to_string())
+    }
+
+    /// The annotation files of every sequence; more than one where a sequence is annotated twice.
+    fn annotation_files(self, tree: &Tree) -> BTreeMap<String, Vec<PathBuf>> {
+        let mut files: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+        for path in &tree.texts {
+            if !self.is_annotation(path, tree) {
+                continue;
+            }
             let name = if self.is_beside() {
                 name_beside(path)
             } else {
-                annotations::sequence_name(path)
+                sequence_name(path)
             };
-            let Some(name) = name else { continue };
-            if let Some(other) = files.insert(name.clone(), path.clone()) {
-                let found = format!("{} and {}", other.display(), path.display());
-                return Err(Error::content(
-                    root,
-                    format!("one annotation of {name}"),
-                    found,
-                ));
+            if let Some(name) = name {
+                files.entry(name).or_default().push(path.clone());
             }
         }
-        if files.is_empty() {
-            return Err(Error::content(
-                root,
-                format!("annotations of {}", self.name()),
-                "none",
-            ));
-        }
-        Ok(files)
+        files
     }
 
     /// Whether annotations lie beside the pictures.
@@ -239,7 +242,7 @@ impl Dataset {
     /// Whether a text file holds a sequence's boxes.
     fn is_annotation(self, path: &Path, tree: &Tree) -> bool {
         if self.is_beside() {
-            return file_name(path).starts_with("groundtruth");
+            return is_groundtruth(path);
         }
         let folder = path.parent().map(file_name).unwrap_or_default();
         let is_parent = |name: &str| folder.eq_ignore_ascii_case(name);
@@ -261,7 +264,7 @@ impl Dataset {
         }
     }
 
-    /// Where the target is there, of the benchmarks that list it.
+    /// Whether the target is present per frame, for the benchmarks that list it.
     fn present(self, annotation: &Path, frames: usize) -> Result<Option<Vec<bool>>, Error> {
         let lists: &[&str] = match self {
             Dataset::Got10k => &["absence.label"],
@@ -283,10 +286,9 @@ impl Dataset {
                 ));
             }
             let present = present.get_or_insert_with(|| vec![true; frames]);
-            present
-                .iter_mut()
-                .zip(flags)
-                .for_each(|(present, absent)| *present &= absent == 0.0);
+            for (present, absent) in present.iter_mut().zip(flags) {
+                *present &= absent == 0.0;
+            }
         }
         Ok(present)
     }
@@ -295,7 +297,7 @@ impl Dataset {
 impl FromStr for Dataset {
     type Err = String;
 
-    /// From its name on a command line, or the one that toolkits write; the case does not matter.
+    /// From its name on a command line or the one that toolkits write, in any case.
     fn from_str(text: &str) -> Result<Dataset, String> {
         let name = text.replace('@', "_");
         let is = |dataset: &Dataset| {
@@ -311,43 +313,45 @@ impl FromStr for Dataset {
     }
 }
 
-/// The sequence's name from its folder; of several targets in one, with the target's number: `Jogging.1`.
-fn name_beside(path: &Path) -> Option<String> {
+/// The sequence's name from its folder; with the target's number if the folder holds several:
+/// `Jogging.1`.
+pub(crate) fn name_beside(path: &Path) -> Option<String> {
     let folder = path.parent().map(file_name)?;
-    let stem = file_name(path);
-    let target = stem
-        .strip_suffix(".txt")?
-        .rsplit_once('.')
-        .map(|(_, target)| target.to_owned());
-    Some(target.map_or(folder.clone(), |target| format!("{folder}.{target}")))
+    let stem = path.file_stem()?.to_string_lossy();
+    Some(match stem.rsplit_once('.') {
+        Some((_, target)) => format!("{folder}.{target}"),
+        None => folder,
+    })
 }
 
-/// As many frames as boxes; a single box stands for a sequence whose other boxes are not public.
-fn matched(
+/// A sequence of as many frames as both the annotation and the pictures have.
+///
+/// A single box stands for a sequence whose other boxes are not public: all pictures stay.
+pub(crate) fn matched(
     mut annotation: Annotation,
     mut frames: Vec<PathBuf>,
     notes: &mut Notes,
 ) -> Option<Sequence> {
-    let (name, boxes) = (&annotation.name, annotation.boxes.len());
-    if frames.is_empty() {
-        notes.add(format!("{name}: left out: no frame of it"));
+    let name = &annotation.name;
+    let boxes = annotation.boxes.len();
+    let pictures = frames.len();
+    if pictures == 0 {
+        notes.add(name, "left out: no frame of it");
         return None;
     }
-    if boxes == 1 && frames.len() > 1 {
-        notes.add(format!(
-            "{name}: only the first of {} frames is annotated",
-            frames.len()
-        ));
-    } else if boxes != frames.len() {
-        notes.add(format!(
-            "{name}: {} frames and {boxes} boxes: the shorter counts",
-            frames.len()
-        ));
+    if boxes == 1 && pictures > 1 {
+        let text = format!("only the first of {pictures} frames is annotated");
+        notes.add(name, text);
+    } else if boxes != pictures {
+        let text = format!("{pictures} frames and {boxes} boxes: the shorter counts");
+        notes.add(name, text);
         frames.truncate(boxes);
-        annotation.boxes.truncate(frames.len());
+        annotation.truncate(pictures);
     }
     Some(Sequence { annotation, frames })
 }
 
+#[cfg(test)]
+mod cases;
 #[cfg(test)]
 mod tests;

@@ -1,13 +1,16 @@
-//! Which frames of a video a sequence is.
+//! The frames of a video that a sequence consists of.
 
 use super::Dataset;
 
-/// UAV123's sequences at 30 and 10 frames per second; the latter from the former by floor((f - 1) / 3) + 1.
+/// UAV123's sequences at 30 and 10 frames per second, the latter from the former by
+/// floor((f - 1) / 3) + 1.
 const UAV123: &str = include_str!("uav123_frames.csv");
 /// UAV20L's sequences.
 const UAV20L: &str = include_str!("uav20l_frames.csv");
 
-/// OTB's sequences that are annotated on a part of their video only. Source: the benchmark's web page.
+/// OTB's sequences that are annotated on a part of their video only.
+///
+/// Source: the benchmark's web page.
 const OTB: [(&str, usize, usize); 5] = [
     ("David", 300, 770),
     ("Football1", 1, 74),
@@ -16,7 +19,7 @@ const OTB: [(&str, usize, usize); 5] = [
     ("Diving", 1, 215),
 ];
 
-/// The part of a video that is a sequence: frames counted from 1, both ends included.
+/// The part of a video that is a sequence. Frames are counted from 1, both ends are included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
     /// The video's folder.
@@ -27,7 +30,7 @@ pub struct Part {
     pub last: usize,
 }
 
-/// The part that a sequence is; `None` if it is all of the video of its name.
+/// The part that a sequence covers; `None` if it covers all of the video of its name.
 pub fn part(dataset: Dataset, sequence: &str) -> Option<Part> {
     let (table, column) = match dataset {
         Dataset::Uav123 => (UAV123, 2),
@@ -80,14 +83,14 @@ mod tests {
     }
 
     #[test]
-    fn counts_of_the_benchmarks() {
+    fn tables_have_the_published_counts() {
         assert_eq!(frames(UAV123, Dataset::Uav123), (123, 112_578));
         assert_eq!(frames(UAV123, Dataset::Uav123At10Fps), (123, 37_607));
         assert_eq!(frames(UAV20L, Dataset::Uav20l), (20, 58_670));
     }
 
     #[test]
-    fn ten_frames_per_second_by_the_formula() {
+    fn frames_at_10_fps_follow_from_those_at_30() {
         for name in UAV123
             .lines()
             .skip(1)

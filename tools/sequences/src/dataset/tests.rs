@@ -1,8 +1,10 @@
 use super::*;
-use crate::testing::{Folder, shared};
+use testing::{Folder, shared};
 
 fn pictures(folder: &Folder, at: &str, pattern: impl Fn(usize) -> String, count: usize) {
-    (1..=count).for_each(|i| drop(folder.write(&format!("{at}/{}", pattern(i)), "")));
+    for i in 1..=count {
+        folder.write(&format!("{at}/{}", pattern(i)), "");
+    }
 }
 
 fn boxes(folder: &Folder, path: &str, count: usize) {
@@ -32,7 +34,7 @@ fn row(name: &str, frames: usize, first: &str) -> (String, usize, String) {
 }
 
 #[test]
-fn uav123_in_all_its_rates() {
+fn uav123_is_cut_from_its_videos_at_every_rate() {
     let folder = Folder::new("uav123");
     for (set, count) in [("UAV123", 900), ("UAV123_10fps", 300)] {
         pictures(&folder, &format!("{set}/data_seq/{set}/bird1"), six, count);
@@ -62,10 +64,8 @@ fn uav123_in_all_its_rates() {
         row("boat5", 10, "000001.jpg"),
     ];
     assert_eq!(found, expected);
-    assert_eq!(
-        notes.lines(),
-        ["UAV123_10fps has 123 sequences, 3 are here"]
-    );
+    let expected = "note: UAV123_10fps: it has 123 sequences, 3 are here\n";
+    assert_eq!(notes.to_string(), expected);
     let attributes = Dataset::Uav123At10Fps.attributes(folder.path()).unwrap();
     let names: Vec<_> = attributes
         .iter()
@@ -78,7 +78,7 @@ fn uav123_in_all_its_rates() {
 }
 
 #[test]
-fn annotations_beside_pictures() {
+fn annotations_beside_pictures_are_found_with_them() {
     let folder = Folder::new("beside");
     pictures(&folder, "Gull2/img", |i| format!("{i:05}.jpg"), 5);
     boxes(&folder, "Gull2/groundtruth_rect.txt", 5);
@@ -117,7 +117,7 @@ fn annotations_beside_pictures() {
 }
 
 #[test]
-fn uavdt_in_its_own_and_in_repackaged_folders() {
+fn uavdt_is_found_in_its_own_and_in_repackaged_folders() {
     for (annotations, images) in [
         ("UAV-benchmark-SOT_v1.0/anno", "UAV-benchmark-S"),
         ("annotations", "sequences"),
@@ -147,7 +147,7 @@ fn uavdt_in_its_own_and_in_repackaged_folders() {
         assert!(
             notes
                 .to_string()
-                .contains("S0102: left out: no folder S0102"),
+                .contains("S0102: left out: no pictures in a folder S0102"),
             "{notes}"
         );
         let attributes = Dataset::Uavdt.attributes(folder.path()).unwrap();
@@ -156,7 +156,7 @@ fn uavdt_in_its_own_and_in_repackaged_folders() {
 }
 
 #[test]
-fn visdrone_with_and_without_its_boxes() {
+fn visdrone_keeps_all_frames_where_only_the_first_box_is_public() {
     let folder = Folder::new("visdrone");
     pictures(
         &folder,
@@ -167,10 +167,8 @@ fn visdrone_with_and_without_its_boxes() {
     boxes(&folder, "set/initialization/uav0_s.txt", 1);
     let (found, notes) = load(Dataset::Visdrone, folder.path());
     assert_eq!(found, [row("uav0_s", 4, "img0000001.jpg")]);
-    assert_eq!(
-        notes.lines(),
-        ["uav0_s: only the first of 4 frames is annotated"]
-    );
+    let expected = "note: uav0_s: only the first of 4 frames is annotated\n";
+    assert_eq!(notes.to_string(), expected);
     boxes(&folder, "set/annotations/uav0_s.txt", 4);
     folder.write(
         "set/attributes/uav0_s_attr.txt",
@@ -187,7 +185,7 @@ fn visdrone_with_and_without_its_boxes() {
 }
 
 #[test]
-fn lists_of_absent_frames() {
+fn absent_frames_follow_the_lists_of_lasot_and_got10k() {
     let folder = Folder::new("absent");
     pictures(
         &folder,
@@ -214,16 +212,12 @@ fn lists_of_absent_frames() {
         Some(vec![true, true, false])
     );
     folder.write("airplane/airplane-1/absence.label", "0\n");
-    assert!(
-        read(Dataset::Got10k)
-            .unwrap_err()
-            .to_string()
-            .contains("expected 3 flags")
-    );
+    let error = read(Dataset::Got10k).unwrap_err().to_string();
+    assert!(error.contains("expected 3 flags"), "{error}");
 }
 
 #[test]
-fn nothing_there() {
+fn root_without_sequences_is_refused() {
     let folder = Folder::new("nothing");
     for dataset in Dataset::ALL {
         assert!(dataset.load(folder.path(), &mut Notes::default()).is_err());
@@ -238,14 +232,13 @@ fn nothing_there() {
         .load(folder.path(), &mut Notes::default())
         .unwrap_err()
         .to_string();
-    assert!(
-        error.ends_with("expected pictures of DTB70, found none"),
-        "{error}"
-    );
+    let expected = "expected pictures of DTB70, found none (DTB70: it has 70 sequences, 1 are here; \
+                    a: left out: no pictures in a/img, a/imgs, a/color or a)";
+    assert!(error.ends_with(expected), "{error}");
 }
 
 #[test]
-fn the_development_sequences() {
+fn development_sequences_load_without_notes() {
     let Some(root) = shared("data/dev_seqs") else {
         return;
     };
@@ -257,7 +250,7 @@ fn the_development_sequences() {
 }
 
 #[test]
-fn names_in_every_spelling() {
+fn datasets_parse_from_both_of_their_names() {
     for dataset in Dataset::ALL {
         assert_eq!(dataset.option().parse(), Ok(dataset));
         assert_eq!(dataset.name().parse(), Ok(dataset));

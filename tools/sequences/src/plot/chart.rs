@@ -1,5 +1,6 @@
-//! Plots as SVG: curves, points, radars. They stand alone and may be set into a page.
+//! Charts of trackers: curves, points, radars.
 
+use super::{COLORS, color, escape};
 use std::fmt::Write;
 
 /// One tracker's line or polygon.
@@ -35,17 +36,7 @@ const TOP: f64 = 38.0;
 const INNER_WIDTH: f64 = WIDTH - LEFT - 22.0;
 const INNER_HEIGHT: f64 = HEIGHT - TOP - 52.0;
 
-/// Colors that are told apart by most eyes (Okabe and Ito), then repeated with dashes.
-const COLORS: [&str; 8] = [
-    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c8c8c",
-];
-
-/// The color of tracker `i`.
-pub fn color(i: usize) -> &'static str {
-    COLORS[i % COLORS.len()]
-}
-
-/// Curves with a legend at the bottom, at the left or right, where room is.
+/// Curves with a legend at the bottom, at the left or at the right.
 pub fn lines(axes: &Axes<'_>, series: &[Series], legend_left: bool) -> String {
     let mut svg = frame(axes);
     for (i, line) in series.iter().enumerate() {
@@ -143,23 +134,6 @@ pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
     svg + "</svg>\n"
 }
 
-/// Text that markup cannot break.
-pub fn escape(text: &str) -> String {
-    let mut escaped = String::new();
-    for c in text.chars() {
-        match c {
-            '&' => escaped += "&amp;",
-            '<' => escaped += "&lt;",
-            '>' => escaped += "&gt;",
-            '"' => escaped += "&quot;",
-            '\'' => escaped += "&#39;",
-            c if c.is_control() => escaped.push('\u{fffd}'),
-            c => escaped.push(c),
-        }
-    }
-    escaped
-}
-
 fn open(title: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
@@ -174,7 +148,8 @@ fn open(title: &str) -> String {
 /// Title, grid, numbers and labels.
 fn frame(axes: &Axes<'_>) -> String {
     let mut svg = open(axes.title);
-    let (right, bottom) = (LEFT + INNER_WIDTH, TOP + INNER_HEIGHT);
+    let right = LEFT + INNER_WIDTH;
+    let bottom = TOP + INNER_HEIGHT;
     for value in ticks(axes.x_min, axes.x_max) {
         let x = LEFT + INNER_WIDTH * along(axes, value);
         let _ = writeln!(
@@ -209,7 +184,7 @@ fn frame(axes: &Axes<'_>) -> String {
     svg
 }
 
-/// Where numbers stand on an axis: five steps, or 1, 2, 5, 10 ... on a logarithmic one.
+/// The numbers on an axis: five steps, or 1, 2, 5, 10 ... on a logarithmic one.
 fn ticks(min: f64, max: f64) -> Vec<f64> {
     if min <= 0.0 {
         return (0..=5).map(|i| max * f64::from(i) / 5.0).collect();
@@ -226,11 +201,12 @@ fn ticks(min: f64, max: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Where a value lies on the horizontal axis, from 0 to 1.
+/// The place of a value on the horizontal axis, from 0 to 1.
 fn along(axes: &Axes<'_>, x: f64) -> f64 {
-    let part = match axes.x_min > 0.0 {
-        true => (x / axes.x_min).ln() / (axes.x_max / axes.x_min).ln(),
-        false => x / axes.x_max,
+    let part = if axes.x_min > 0.0 {
+        (x / axes.x_min).ln() / (axes.x_max / axes.x_min).ln()
+    } else {
+        x / axes.x_max
     };
     part.clamp(0.0, 1.0)
 }
@@ -254,10 +230,8 @@ fn legend(svg: &mut String, series: &[Series], x: f64, y: f64) {
         .map(|line| line.label.chars().count())
         .max()
         .unwrap_or(0);
-    let (width, height) = (
-        34.0 + 6.5 * longest as f64,
-        17.0 * series.len() as f64 + 6.0,
-    );
+    let width = 34.0 + 6.5 * longest as f64;
+    let height = 17.0 * series.len() as f64 + 6.0;
     let _ = writeln!(
         svg,
         "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" rx=\"4\" fill=\"Canvas\" fill-opacity=\"0.8\"/>",
@@ -282,7 +256,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn curves_stay_inside_and_names_are_escaped() {
+    fn points_beyond_the_axes_are_drawn_at_their_ends_and_names_are_escaped() {
         let axes = Axes {
             title: "t",
             x: "x",
@@ -309,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn logarithmic_axes() {
+    fn logarithmic_axis_has_ticks_at_1_2_and_5() {
         let axes = Axes {
             title: "t",
             x: "x",

@@ -1,6 +1,26 @@
 //! The curves of one sequence, and their means over sequences.
 
-use crate::convention::{Convention, Judgment};
+/// How one frame was hit.
+///
+/// Under some rules -1 stands for "not comparable": no overlap, and any error threshold holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judgment {
+    /// Intersection over union.
+    pub overlap: f64,
+    /// Distance of the centers in pixels of the original video.
+    pub error: f64,
+    /// The same with each component divided by the annotated width or height.
+    pub norm_error: f64,
+}
+
+impl Judgment {
+    /// A frame without a result: no threshold holds.
+    pub const MISS: Judgment = Judgment {
+        overlap: f64::NAN,
+        error: f64::NAN,
+        norm_error: f64::NAN,
+    };
+}
 
 /// Thresholds of the precision curve: 0, 1, ... 50 pixels of center error.
 pub const PRECISION_BINS: usize = 51;
@@ -34,7 +54,7 @@ impl Curves {
         i as f64 * 0.05
     }
 
-    /// The rates among `frames` frames, of which those in `judgments` may be hits; `None` of no frame.
+    /// The rates among `frames` frames, of which those in `judgments` may be hits; `None` without frames.
     pub fn of(judgments: impl IntoIterator<Item = Judgment>, frames: usize) -> Option<Curves> {
         if frames == 0 {
             return None;
@@ -53,23 +73,14 @@ impl Curves {
         Some(curves)
     }
 
-    /// The unweighted mean over sequences; `None` of none.
+    /// The unweighted mean over sequences; `None` without sequences.
     pub fn mean<'a>(sequences: impl IntoIterator<Item = &'a Curves>) -> Option<Curves> {
         let mut sum = Curves::ZERO;
         let mut count = 0;
         for curves in sequences {
-            sum.precision
-                .iter_mut()
-                .zip(curves.precision)
-                .for_each(|(s, v)| *s += v);
-            sum.norm_precision
-                .iter_mut()
-                .zip(curves.norm_precision)
-                .for_each(|(s, v)| *s += v);
-            sum.success
-                .iter_mut()
-                .zip(curves.success)
-                .for_each(|(s, v)| *s += v);
+            for (sum, rate) in sum.rates().zip(curves.clone().rates()) {
+                *sum += *rate;
+            }
             count += 1;
         }
         sum.scale(1.0 / f64::from(count.max(1)));
@@ -77,12 +88,16 @@ impl Curves {
     }
 
     fn scale(&mut self, factor: f64) {
-        let all = self
-            .precision
+        for rate in self.rates() {
+            *rate *= factor;
+        }
+    }
+
+    fn rates(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.precision
             .iter_mut()
             .chain(&mut self.norm_precision)
-            .chain(&mut self.success);
-        all.for_each(|v| *v *= factor);
+            .chain(&mut self.success)
     }
 
     /// Precision at 20 pixels.
@@ -90,7 +105,9 @@ impl Curves {
         self.precision[QUOTED_PRECISION]
     }
 
-    /// Area under the success curve: the mean of its 21 values. A perfect tracker has 20/21, 1 being never exceeded.
+    /// Area under the success curve: the mean of its 21 values.
+    ///
+    /// A perfect tracker has 20/21, because no overlap exceeds 1.
     pub fn auc(&self) -> f64 {
         self.success.iter().sum::<f64>() / SUCCESS_BINS as f64
     }
@@ -99,60 +116,56 @@ impl Curves {
     pub fn success_rate(&self) -> f64 {
         self.success[QUOTED_SUCCESS]
     }
-
-    /// Normalized precision: the curve's mean where the toolkit follows LaSOT, otherwise its value at 0.20.
-    pub fn norm_precision(&self, convention: Convention) -> f64 {
-        match convention {
-            Convention::Got10k | Convention::Drop => {
-                self.norm_precision.iter().sum::<f64>() / PRECISION_BINS as f64
-            }
-            Convention::Pysot | Convention::Otb => self.norm_precision[QUOTED_PRECISION],
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn thresholds() {
-        let at = |error: f64, overlap: f64| Judgment {
+    const fn judgment(error: f64, overlap: f64) -> Judgment {
+        Judgment {
             overlap,
             error,
             norm_error: error / 100.0,
-        };
-        let curves = Curves::of([at(20.0, 0.5), at(20.001, 0.501)], 2).unwrap();
-        assert_eq!((curves.precision(), curves.precision[21]), (0.5, 1.0)); // at most
-        assert_eq!((curves.success_rate(), curves.success[9]), (0.5, 1.0)); // above
-        assert_eq!(curves.norm_precision(Convention::Pysot), 0.5);
-        assert_eq!(
-            curves.norm_precision(Convention::Got10k),
-            (30.0 + 0.5) / 51.0
-        );
-        let perfect = Curves::of([at(0.0, 1.0)], 1).unwrap();
-        assert!((perfect.auc() - 20.0 / 21.0).abs() < 1e-15);
-        assert_eq!(Curves::of([], 0), None);
-        assert_eq!(Curves::mean([]), None);
-        let mean = Curves::mean([&curves, &perfect]).unwrap();
-        assert_eq!(mean.precision(), 0.75);
+        }
     }
 
     #[test]
-    fn not_a_number_is_no_hit() {
-        let nan = Judgment {
-            overlap: f64::NAN,
-            error: f64::NAN,
-            norm_error: f64::NAN,
-        };
-        let curves = Curves::of([nan], 1).unwrap();
-        assert_eq!(
-            (
-                curves.precision[50],
-                curves.success[0],
-                curves.norm_precision[50]
-            ),
-            (0.0, 0.0, 0.0)
-        );
+    fn error_thresholds_include_their_value_and_overlap_thresholds_do_not() {
+        let judgments = [judgment(20.0, 0.5), judgment(20.001, 0.501)];
+
+        let curves = Curves::of(judgments, 2).unwrap();
+
+        assert_eq!((curves.precision(), curves.precision[21]), (0.5, 1.0));
+        assert_eq!((curves.success_rate(), curves.success[9]), (0.5, 1.0));
+        assert_eq!(curves.norm_precision[QUOTED_PRECISION], 0.5);
+    }
+
+    #[test]
+    fn perfect_box_has_an_auc_of_20_of_21() {
+        let perfect = Curves::of([judgment(0.0, 1.0)], 1).unwrap();
+
+        assert!((perfect.auc() - 20.0 / 21.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn mean_counts_every_sequence_alike() {
+        let short = Curves::of([judgment(0.0, 1.0)], 1).unwrap();
+        let long = Curves::of([judgment(0.0, 1.0), judgment(30.0, 0.0)], 2).unwrap();
+
+        let mean = Curves::mean([&short, &long]).unwrap();
+
+        assert_eq!(mean.precision(), 0.75);
+        assert_eq!(Curves::mean([]), None);
+        assert_eq!(Curves::of([], 0), None);
+    }
+
+    #[test]
+    fn missing_frame_passes_no_threshold() {
+        let curves = Curves::of([Judgment::MISS], 1).unwrap();
+
+        assert_eq!(curves.precision[50], 0.0);
+        assert_eq!(curves.norm_precision[50], 0.0);
+        assert_eq!(curves.success[0], 0.0);
     }
 }

@@ -1,9 +1,9 @@
-//! What makes sequences hard, as their benchmarks flag it.
+//! The flags that benchmarks give their sequences: what makes each of them hard.
 
 use super::tree::Tree;
 use super::{Attributes, Dataset};
-use crate::annotations::file_name;
 use crate::error::Error;
+use crate::folder::file_name;
 use crate::text;
 use std::path::Path;
 

@@ -1,0 +1,28 @@
+//! Pictures as the tracker takes them, and as reports show them.
+
+use image::RgbImage;
+use std::path::Path;
+use track_cpu::ChannelOrder;
+use track_cpu::source::{Image, Input, Source};
+
+/// Reads one picture, or says why it cannot.
+pub fn decode(path: &Path) -> Result<Image, String> {
+    let mut source = Source::open(&Input::new(path)).map_err(|error| error.to_string())?;
+    let image = source.next();
+    let image = image.ok_or_else(|| format!("{}: no picture", path.display()))?;
+    image.map_err(|error| error.to_string())
+}
+
+/// A picture in RGB; `None` if it has no pixels.
+pub fn rgb(image: &Image) -> Option<RgbImage> {
+    let width = u32::try_from(image.width).ok()?;
+    let height = u32::try_from(image.height).ok()?;
+    let channels = image.data.len().checked_div(image.width * image.height)?;
+    let pixels = image.data.chunks_exact(channels.max(1));
+    let rgb: Vec<u8> = match image.order {
+        ChannelOrder::Gray => pixels.flat_map(|p| [p[0]; 3]).collect(),
+        ChannelOrder::Rgb | ChannelOrder::Rgba => pixels.flat_map(|p| [p[0], p[1], p[2]]).collect(),
+        ChannelOrder::Bgr | ChannelOrder::Bgra => pixels.flat_map(|p| [p[2], p[1], p[0]]).collect(),
+    };
+    RgbImage::from_raw(width, height, rgb)
+}
