@@ -84,7 +84,7 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let (frames, seed) = (args.frames, args.seed);
     let summary =
         format!("mean IoU {iou:.3}   precision@20px {precision:.3}   {fps:.0} FPS on the CPU");
-    let difficulty = format!("{:?}", args.difficulty()).to_lowercase();
+    let difficulty = args.difficulty();
     let title = format!(
         "track-cpu demo   {difficulty} flight {seed}   {frames} frames of {width}x{height}"
     );

@@ -7,7 +7,7 @@
 use track_cpu::flight::{Budget, Conduct, Evidence, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Model};
 
-use scenes::Truth;
+use scenes::{SplitMix64, Truth};
 
 use crate::flights::{GONE, OFF, VISIBLE, bbox, each_seed, is_on, play};
 use crate::{Failure, FlightArgs};
@@ -60,7 +60,7 @@ fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failur
     let mut samples = Samples::default();
     let mut off = u32::MAX; // so that the first frame shows the target
     let mut age = u32::MAX; // frames since the second tracker was shown it
-    let mut chance = Chance(seed);
+    let mut chance = Chance(SplitMix64(seed));
     play(args, seed, |index, frame, truth| {
         let target = bbox(&truth.bbox);
         let gone = truth.visible <= GONE;
@@ -205,16 +205,12 @@ fn look_at_nothing(
     Ok(())
 }
 
-/// A small generator: SplitMix64.
-struct Chance(u64);
+/// Chance of a collection.
+struct Chance(SplitMix64);
 
 impl Chance {
     fn unit(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+        (self.0.bits() >> 40) as f32 / (1 << 24) as f32
     }
 
     fn below(&mut self, n: usize) -> usize {

@@ -18,7 +18,8 @@ pub struct Args {
 }
 
 impl Args {
-    /// Reads this process's command line; ends the process with help or a message where that does not parse.
+    /// Reads this process's command line; ends the process with help or a message where that does
+    /// not parse.
     pub fn read() -> Args {
         Args::parse()
     }
@@ -47,9 +48,11 @@ Exit codes:
 /// The sub-commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run a tracker over a benchmark: this repository's, or another program. Goes on where an earlier run ended.
+    /// Run a tracker over a benchmark: this repository's, or another program. Goes on where an
+    /// earlier run ended.
     Run(RunArgs),
-    /// Put this repository's tracker near the target in every frame, and count how often it finds it.
+    /// Put this repository's tracker near the target in every frame, and count how often it finds
+    /// it.
     Step(StepArgs),
     /// Make one folder of the results that shards wrote.
     Merge(MergeArgs),
@@ -57,13 +60,16 @@ pub enum Command {
     Score(ScoreArgs),
     /// Set several trackers side by side: tables, plots as SVG.
     Compare(CompareArgs),
-    /// Say what is wrong with boxes: whether they follow the target's shape, and what they are lost to.
+    /// Say what is wrong with boxes: whether they follow the target's shape, and what they are lost
+    /// to.
     Diagnose(DiagnoseArgs),
-    /// Write a comparison as one HTML page with plots, sortable tables and frames of the worst failures.
+    /// Write a comparison as one HTML page with plots, sortable tables and frames of the worst
+    /// failures.
     Report(ReportArgs),
     /// Write results in another toolkit's layout.
     Export(ExportArgs),
-    /// Write rendered flights as a benchmark on disk: --dataset folder reads it, and so does the VOT toolkit.
+    /// Write rendered flights as a benchmark on disk: --dataset folder reads it, and so does the
+    /// VOT toolkit.
     Render(RenderArgs),
 }
 
@@ -71,23 +77,27 @@ pub enum Command {
 #[derive(Debug, clap::Args)]
 #[command(after_help = RUN_HELP)]
 pub struct RunArgs {
-    /// The benchmark: uav123, uav123@10fps, uav20l, dtb70, uavdt, visdrone, otb100, got10k, lasot, or folder for any
-    /// folder of sequences.
+    /// The benchmark: uav123, uav123@10fps, uav20l, dtb70, uavdt, visdrone, otb100, got10k, lasot,
+    /// or folder for any folder of sequences.
     #[arg(short, long, value_name = "NAME", value_parser = Dataset::from_str)]
     pub dataset: Dataset,
     /// The folder it lies in.
     #[arg(long, value_name = "DIR")]
     pub root: PathBuf,
-    /// Four passes over each sequence: from its first and middle frame forwards, from its last and middle frame backwards.
+    /// Four passes over each sequence: from its first and middle frame forwards, from its last and
+    /// middle frame backwards.
     #[arg(long)]
     pub four_starts: bool,
-    /// Where results go: <DIR>/<benchmark>/<name>/<sequence>.txt, times/<sequence>_time.txt beside them.
+    /// Where results go: <DIR>/<benchmark>/<name>/<sequence>.txt, times/<sequence>_time.txt beside
+    /// them.
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Another tracker, by its command line or through the TraX protocol; this repository's tracker if absent.
+    /// Another tracker, by its command line or through the TraX protocol; this repository's tracker
+    /// if absent.
     #[arg(short, long, value_name = "COMMAND|trax:COMMAND", value_parser = ope::run::Program::parse)]
     pub tracker: Option<ope::run::Program>,
-    /// How long another tracker may take for a frame; by command line, for each of a sequence's frames [default: 60].
+    /// How long another tracker may take for a frame; by command line, for each of a sequence's
+    /// frames [default: 60].
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "tracker")]
     pub timeout: Option<Duration>,
     /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
@@ -166,7 +176,8 @@ pub struct ScoreArgs {
     /// Where the truth is.
     #[command(flatten)]
     pub truth: TruthArgs,
-    /// Folder of results: <sequence>.txt or <sequence>/<sequence>_001.txt, times in times/<sequence>_time.txt.
+    /// Folder of results: <sequence>.txt or <sequence>/<sequence>_001.txt, times in
+    /// times/<sequence>_time.txt.
     #[arg(short, long, value_name = "DIR")]
     pub results: PathBuf,
     /// The rule by which frames are counted.
@@ -209,7 +220,8 @@ pub struct CompareArgs {
     /// What is set side by side.
     #[command(flatten)]
     pub trackers: TrackersArgs,
-    /// Folder for the plots: precision.svg, success.svg, speed.svg and attributes.svg where there are such data.
+    /// Folder for the plots: precision.svg, success.svg, speed.svg and attributes.svg where there
+    /// are such data.
     #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -221,7 +233,8 @@ pub struct DiagnoseArgs {
     /// What is diagnosed.
     #[command(flatten)]
     pub trackers: TrackersArgs,
-    /// Folder for a contact sheet per loss, <tracker>/<pass>-<frame>.png; needs --dataset and --root.
+    /// Folder for a contact sheet per loss, <tracker>/<pass>-<frame>.png; needs --dataset and
+    /// --root.
     #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print JSON.
@@ -332,7 +345,8 @@ pub enum Rule {
     Got10k,
     /// pysot: every frame counts.
     Pysot,
-    /// Matlab code of OTB and UAV123: every frame counts, unusable results are the previous frame's.
+    /// Matlab code of OTB and UAV123: every frame counts, unusable results are the previous
+    /// frame's.
     Otb,
     /// As got10k, and annotations without area do not count either.
     Drop,
@@ -357,7 +371,8 @@ impl Rule {
 /// `render`.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// Where to write: a folder per flight with color/, groundtruth.txt and what VOT's toolkit asks for.
+    /// Where to write: a folder per flight with color/, groundtruth.txt and what VOT's toolkit asks
+    /// for.
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     /// Seed of the first flight; the others have the next ones.
@@ -372,31 +387,9 @@ pub struct RenderArgs {
     /// Width and height in pixels, at most 4096.
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = size)]
     pub size: (usize, usize),
-    /// How hard they are to follow.
-    #[arg(long, value_enum, default_value_t = Hardness::Easy)]
-    pub difficulty: Hardness,
-}
-
-/// How hard a flight is to follow.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Hardness {
-    /// Calm and clear.
-    Easy,
-    /// Shake, look-alikes, occlusions.
-    Medium,
-    /// More of it, and exits from the view.
-    Hard,
-}
-
-impl Hardness {
-    /// The difficulty meant.
-    pub fn difficulty(self) -> Difficulty {
-        match self {
-            Hardness::Easy => Difficulty::Easy,
-            Hardness::Medium => Difficulty::Medium,
-            Hardness::Hard => Difficulty::Hard,
-        }
-    }
+    /// How hard they are to follow: easy, medium or hard.
+    #[arg(long, value_name = "LEVEL", default_value_t = Difficulty::Easy)]
+    pub difficulty: Difficulty,
 }
 
 fn size(text: &str) -> Result<(usize, usize), String> {

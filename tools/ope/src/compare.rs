@@ -44,7 +44,8 @@ impl Pair {
 impl Comparison {
     /// Reads the results of each tracker; those called alike are told apart by number.
     ///
-    /// Where some trackers lack sequences that are not to be refused, only those that all have are compared.
+    /// Where some trackers lack sequences that are not to be refused, only those that all have are
+    /// compared.
     ///
     /// # Errors
     /// As of [`Evaluation::read`] and [`Evaluation::score`].
@@ -196,8 +197,8 @@ impl Comparison {
         plot::lines(&axes, &series, true)
     }
 
-    /// Precision over speed (frames / total time), on a logarithmic axis where speeds are far apart; `None` if no tracker
-    /// has times.
+    /// Precision over speed (frames / total time), on a logarithmic axis where speeds are far
+    /// apart; `None` if no tracker has times.
     pub fn speed_plot(&self) -> Option<String> {
         let rates = self
             .trackers
@@ -261,7 +262,8 @@ impl Comparison {
     }
 }
 
-/// How many times as fast as the slowest the fastest tracker is for the axis of speed to be logarithmic.
+/// How many times as fast as the slowest the fastest tracker is for the axis of speed to be
+/// logarithmic.
 const FAR_APART: f64 = 8.0;
 
 /// The next round number.

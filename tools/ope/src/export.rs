@@ -14,7 +14,8 @@ pub enum Layout {
     Got10k,
     /// `<tracker>/<sequence>.txt`.
     Pysot,
-    /// `tracking_results/<tracker>/default_000/<sequence>.txt`, separated by tabs, `<sequence>_time.txt`.
+    /// `tracking_results/<tracker>/default_000/<sequence>.txt`, separated by tabs,
+    /// `<sequence>_time.txt`.
     Pytracking,
     /// `<sequence>.txt`: left, top, width, height.
     Visdrone,

@@ -1,7 +1,7 @@
 //! One-pass evaluation: runs trackers over benchmarks, scores, compares and diagnoses their boxes.
 //!
-//! A tracker is given the first frame's box and runs once through every sequence. Its boxes are then
-//! held against the annotations by a rule of [`sequences::Convention`].
+//! A tracker is given the first frame's box and runs once through every sequence. Its boxes are
+//! then held against the annotations by a rule of [`sequences::Convention`].
 //!
 //! | step | module |
 //! |---|---|

@@ -1,8 +1,9 @@
 //! Rendered flights as a benchmark on disk, for those who have none at hand.
 //!
-//! `<DIR>/list.txt` names the sequences. Each has its pictures in `color/%08d.jpg`, its boxes in `groundtruth.txt`, and
-//! what the VOT toolkit asks for beside them: `sequence` says how to read it, `anchor.value` where multi-start runs
-//! begin (1: forward, -1: backward), `occlusion.tag` where the target is partly hidden.
+//! `<DIR>/list.txt` names the sequences. Each has its pictures in `color/%08d.jpg`, its boxes in
+//! `groundtruth.txt`, and what the VOT toolkit asks for beside them: `sequence` says how to read
+//! it, `anchor.value` where multi-start runs begin (1: forward, -1: backward), `occlusion.tag`
+//! where the target is partly hidden.
 
 use crate::error::Error;
 use crate::results::{lines, write_whole};
@@ -13,7 +14,8 @@ use sequences::Rect;
 use std::fs;
 use std::path::Path;
 
-/// Share of the target that has to be seen for a frame to have a box; others are NaN, as UAV123 writes it.
+/// Share of the target that has to be seen for a frame to have a box; others are NaN, as UAV123
+/// writes it.
 const SEEN: f32 = 0.1;
 /// Share of the target below which it counts as partly hidden.
 const HIDDEN: f32 = 0.7;

@@ -45,8 +45,9 @@ impl Results {
             .is_ok_and(|boxes| boxes.is_some_and(|boxes| boxes.len() == frames))
     }
 
-    /// Writes the boxes of a sequence as `<sequence>.txt`, `x,y,w,h` to three digits, and the seconds of its frames, if
-    /// there are any, as `times/<sequence>_time.txt` to eight. The file of boxes appears last and whole.
+    /// Writes the boxes of a sequence as `<sequence>.txt`, `x,y,w,h` to three digits, and the
+    /// seconds of its frames, if there are any, as `times/<sequence>_time.txt` to eight. The file
+    /// of boxes appears last and whole.
     ///
     /// # Errors
     /// If a file cannot be written.

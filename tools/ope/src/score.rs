@@ -44,7 +44,8 @@ pub struct Score {
     pub precision: f64,
     /// Area under the success curve.
     pub auc: f64,
-    /// Normalized precision: the curve's mean under got10k and drop (as LaSOT), its value at 0.20 under pysot and OTB.
+    /// Normalized precision: the curve's mean under got10k and drop (as LaSOT), its value at 0.20
+    /// under pysot and OTB.
     pub norm_precision: f64,
     /// Rate of frames with an overlap above one half.
     pub success_rate: f64,
@@ -62,7 +63,8 @@ impl Evaluation {
     /// Reads the results of every annotated sequence.
     ///
     /// # Errors
-    /// If a file cannot be used, or sequences have no results and that is to be refused, or none has.
+    /// If a file cannot be used, or sequences have no results and that is to be refused, or none
+    /// has.
     pub fn read(
         annotations: &[Annotation],
         results: &Results,

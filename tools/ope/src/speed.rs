@@ -5,8 +5,8 @@ use serde::Serialize;
 /// Speed of a tracker: the timer is around initialization and update, reading pictures excluded.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Speed {
-    /// Mean over sequences of the mean over frames of 1/seconds, the first frame included: the got10k toolkit's rule,
-    /// which is never below the other one on a sequence.
+    /// Mean over sequences of the mean over frames of 1/seconds, the first frame included: the
+    /// got10k toolkit's rule, which is never below the other one on a sequence.
     pub mean_of_rates: f64,
     /// All frames by all seconds.
     pub frames_per_time: f64,
@@ -15,7 +15,8 @@ pub struct Speed {
 }
 
 impl Speed {
-    /// The speed from the seconds of each frame of each sequence; `None` if no frame has a time above 0.
+    /// The speed from the seconds of each frame of each sequence; `None` if no frame has a time
+    /// above 0.
     ///
     /// Times that are not above 0 and finite do not count.
     pub fn of<'a>(sequences: impl IntoIterator<Item = &'a [f64]>) -> Option<Speed> {

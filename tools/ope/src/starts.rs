@@ -1,5 +1,5 @@
-//! Four passes over a sequence in place of one: from its first and its middle frame forwards, from its
-//! last and its middle frame backwards.
+//! Four passes over a sequence in place of one: from its first and its middle frame forwards, from
+//! its last and its middle frame backwards.
 //!
 //! One-pass evaluation counts everything after the first slip, so that on a few sequences one slip
 //! more or less moves the mean by points. Four starts even that out, for about three times the
@@ -53,8 +53,8 @@ impl Start {
         }
     }
 
-    /// The frames of a sequence in the order of this pass; `None` if no frame shows the target, or no
-    /// frame is left behind the start.
+    /// The frames of a sequence in the order of this pass; `None` if no frame shows the target, or
+    /// no frame is left behind the start.
     fn order(self, whole: &Annotation) -> Option<Vec<usize>> {
         let n = whole.boxes.len();
         let nominal = self.nominal(n);

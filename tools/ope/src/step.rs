@@ -1,9 +1,9 @@
 //! One step at a time: whether the tracker finds a target that it was near in the frame before.
 //!
-//! In one-pass evaluation a single slip decides a sequence, so that its figures move by points where networks hardly differ.
-//! Here the tracker is put near the truth before every frame, off by a quarter of a side in changing directions, as a tracker that
-//! follows well would be; what it makes of each frame is counted. The template is the first frame's and what the model adds to
-//! it.
+//! In one-pass evaluation a single slip decides a sequence, so that its figures move by points
+//! where networks hardly differ. Here the tracker is put near the truth before every frame, off by
+//! a quarter of a side in changing directions, as a tracker that follows well would be; what it
+//! makes of each frame is counted. The template is the first frame's and what the model adds to it.
 
 use crate::boxes::{from_tracker, to_tracker};
 use crate::error::Error;

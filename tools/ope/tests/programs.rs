@@ -1,4 +1,5 @@
-//! The programs `ope run`, `merge`, `compare`, `report` and `export`, one after the other on a small benchmark.
+//! The programs `ope run`, `merge`, `compare`, `report` and `export`, one after the other on a
+//! small benchmark.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -111,7 +112,8 @@ fn from_run_to_page() {
     assert!(folder.join("exported/still/a.txt").is_file());
 }
 
-/// Killed after the first sequence and started again: nothing is done twice, and the files are those of one run.
+/// Killed after the first sequence and started again: nothing is done twice, and the files are
+/// those of one run.
 #[test]
 fn a_killed_run_goes_on() {
     let folder = benchmark("killed");

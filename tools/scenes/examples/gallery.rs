@@ -1,7 +1,8 @@
-//! Writes contact sheets of flights with their boxes drawn: `gallery DIR [--speed] [FIRST_SEED COUNT [DIFFICULTY]]`.
+//! Writes contact sheets of flights with their boxes drawn: `gallery DIR [--speed] [FIRST_SEED
+//! COUNT [DIFFICULTY]]`.
 //!
-//! Each sheet shows one seed per row and six frames of its flight. `--speed` prints set-up times and frames per second of one
-//! core's time instead.
+//! Each sheet shows one seed per row and six frames of its flight. `--speed` prints set-up times
+//! and frames per second of one core's time instead.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -124,11 +125,8 @@ fn main() -> ExitCode {
     let number =
         |at: usize, default: u64| args.get(at).and_then(|a| a.parse().ok()).unwrap_or(default);
     let (first, count) = (number(1, 1), number(2, 12));
-    let difficulty = match args.get(3).map(String::as_str) {
-        Some("easy") => Difficulty::Easy,
-        Some("hard") => Difficulty::Hard,
-        _ => Difficulty::Medium,
-    };
+    let difficulty = args.get(3).and_then(|name| name.parse().ok());
+    let difficulty = difficulty.unwrap_or(Difficulty::Medium);
     if timing {
         speed(first..first + count, difficulty);
         return ExitCode::SUCCESS;

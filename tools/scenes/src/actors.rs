@@ -180,7 +180,8 @@ impl Actor {
     }
 }
 
-/// Where the target's kind travels: t for the direction (+1 along x, -1 against), on the right-hand side.
+/// Where the target's kind travels: t for the direction (+1 along x, -1 against), on the right-hand
+/// side.
 fn lane(land: &Land, kind: TargetKind, way: f32, rng: &mut Rng) -> f32 {
     let road = &land.along[0];
     match (land.biome, kind) {

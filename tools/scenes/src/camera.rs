@@ -38,7 +38,8 @@ impl Camera {
             + self.down * ((y - self.center.1) / self.focal)
     }
 
-    /// Where the ray through a pixel meets the ground. Rays near or above the horizon are bent down to 5 degrees below.
+    /// Where the ray through a pixel meets the ground. Rays near or above the horizon are bent down
+    /// to 5 degrees below.
     #[inline(always)]
     pub fn ground(&self, x: f32, y: f32) -> V3 {
         let ray = self.ray(x, y);
@@ -114,7 +115,8 @@ impl Plan {
         gust * (0.45 * wave(1.7, k) + 0.35 * wave(4.1, k + 1) + 0.25 * wave(9.3, k + 2))
     }
 
-    /// The pose at a time, looking so that `target` (a point in meters) lands where the plan wants it in the view.
+    /// The pose at a time, looking so that `target` (a point in meters) lands where the plan wants
+    /// it in the view.
     pub fn pose(&self, seconds: f32, target: V3) -> Camera {
         let m = &self.manner;
         let swing = |k, period| self.sway(k, seconds, period) - self.sway(k, 0.0, period);
@@ -146,7 +148,8 @@ impl Plan {
         self.look(position, look, offset, roll)
     }
 
-    /// A camera at `position` in whose view the direction `look` appears `offset` pixels from the middle.
+    /// A camera at `position` in whose view the direction `look` appears `offset` pixels from the
+    /// middle.
     fn look(&self, position: V3, look: V3, offset: (f32, f32), roll: f32) -> Camera {
         let right = look.cross(v3(0.0, 0.0, 1.0)).unit();
         let down = look.cross(right);

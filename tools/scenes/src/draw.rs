@@ -1,4 +1,5 @@
-//! Draws a frame of a flight: ground, trails and shadows, then everything that stands or moves, from far to near.
+//! Draws a frame of a flight: ground, trails and shadows, then everything that stands or moves,
+//! from far to near.
 
 use std::borrow::Cow;
 
@@ -54,13 +55,8 @@ impl Flight {
 
     pub(crate) fn box_in(&self, actor: usize, seconds: f32, camera: &Camera) -> TruthBox {
         let mesh = self.actors[actor].mesh(seconds);
-        let b = Frame::bounds(&mesh, &self.stand(actor, seconds, camera), camera);
-        TruthBox {
-            x: b.0,
-            y: b.1,
-            w: b.2 - b.0,
-            h: b.3 - b.1,
-        }
+        let stand = self.stand(actor, seconds, camera);
+        Frame::bounds(&mesh, &stand, camera).to_box()
     }
 
     pub(crate) fn box_of(&self, actor: usize, seconds: f32) -> TruthBox {
@@ -112,14 +108,9 @@ impl Flight {
             stand.shade = self.map.shade_at(stand.at);
             let mesh = self.actors[i].mesh(seconds);
             if i > 0 && self.actors[i].kind.alike(self.actors[0].kind) {
-                let b = Frame::bounds(&mesh, &stand, &camera);
-                if b.2 > 0.0 && b.3 > 0.0 && b.0 < width as f32 && b.1 < height as f32 {
-                    truth.distractors.push(TruthBox {
-                        x: b.0,
-                        y: b.1,
-                        w: b.2 - b.0,
-                        h: b.3 - b.1,
-                    });
+                let bounds = Frame::bounds(&mesh, &stand, &camera);
+                if bounds.meets(width, height) {
+                    truth.distractors.push(bounds.to_box());
                 }
             }
             if i > 0 || (show.target && show.shade) {
@@ -210,8 +201,8 @@ impl Flight {
         (frame, truth)
     }
 
-    /// Brings what spans the way (a bridge, a canopy) before everything that may pass below it: seen from above, it is
-    /// met first, however far away the middle of either is.
+    /// Brings what spans the way (a bridge, a canopy) before everything that may pass below it:
+    /// seen from above, it is met first, however far away the middle of either is.
     fn lift_spans(&self, order: &mut [(f32, Drawn)], camera: &Camera) {
         let spot = |at: V3, depth: f32, radius: f32| {
             let p = camera.project(at);
@@ -313,10 +304,12 @@ impl Flight {
         }
     }
 
-    /// Renders the frame `index` (a later one than the last is the last) and returns what is true of it.
+    /// Renders the frame `index` (a later one than the last is the last) and returns what is true
+    /// of it.
     ///
-    /// Equal flights give equal bytes for equal indices, in whatever order they are asked for: only integer and IEEE
-    /// basic operations take part. `out` is resized to the flight's view if it has another size.
+    /// Equal flights give equal bytes for equal indices, in whatever order they are asked for: only
+    /// integer and IEEE basic operations take part. `out` is resized to the flight's view if it has
+    /// another size.
     pub fn render(&self, index: usize, out: &mut FrameBuffer) -> Truth {
         self.render_with(
             index,

@@ -2,7 +2,8 @@
 
 use crate::math::ceil;
 
-/// Calls `row(y, first, end)` for every row in which the convex polygon covers pixel centers, within `width` x `height`.
+/// Calls `row(y, first, end)` for every row in which the convex polygon covers pixel centers,
+/// within `width` x `height`.
 #[inline(always)]
 pub(crate) fn polygon<const N: usize>(
     corners: &[(f32, f32); N],

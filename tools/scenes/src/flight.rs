@@ -42,8 +42,9 @@ pub struct Flight {
 impl Flight {
     /// Plans the flight and paints its country.
     ///
-    /// Width and height are taken as at least 1 and at most 8192, frames as at least 1. This is the slow part: some
-    /// tenths of a second for the default size. It takes memory for at most a few million texels of ground.
+    /// Width and height are taken as at least 1 and at most 8192, frames as at least 1. This is the
+    /// slow part: some tenths of a second for the default size. It takes memory for at most a few
+    /// million texels of ground.
     pub fn new(config: FlightConfig) -> Flight {
         let mut flight = Flight::unpainted(config);
         let (extent, texel) = flight.extent();
@@ -197,7 +198,8 @@ impl Flight {
         };
         let first_x = self.actors[0].route.x_at(0.0);
         for &seconds in &occlusions {
-            // The country repeats: an occluder too near to where the flight began would be met at the start.
+            // The country repeats: an occluder too near to where the flight began would be met at
+            // the start.
             let x = self.actors[0].route.x_at(seconds);
             if (x - first_x).abs() < PERIOD - 100.0 && self.occlude(&mut builder, seconds, &mut rng)
             {
@@ -245,7 +247,8 @@ impl Flight {
         (extent, nearest.clamp(0.02, 2.0))
     }
 
-    /// Plans something between the camera and the target at a time: a tree where there is room for one, or a bridge.
+    /// Plans something between the camera and the target at a time: a tree where there is room for
+    /// one, or a bridge.
     fn occlude(&self, builder: &mut Builder, seconds: f32, rng: &mut Rng) -> bool {
         let camera = self.camera(seconds);
         let mesh = self.actors[0].mesh(seconds);

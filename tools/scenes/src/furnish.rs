@@ -24,7 +24,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Trees on a jittered grid of the given spacing, each with a chance, `clear` meters off roads and water.
+    /// Trees on a jittered grid of the given spacing, each with a chance, `clear` meters off roads
+    /// and water.
     fn scatter(&mut self, spacing: f32, chance: f32, clear: f32, ok: impl Fn(f32, f32) -> bool) {
         let conifers = [0.0, 0.15, 0.6, 0.95][self.rng.below(4)];
         let width = (self.extent.x.1 - self.extent.x.0 + 24.0).min(PERIOD);

@@ -1,4 +1,5 @@
-//! The painted ground: what every square decimeter of the country looks like from above, before anything stands on it.
+//! The painted ground: what every square decimeter of the country looks like from above, before
+//! anything stands on it.
 
 use crate::land::{Land, PERIOD, Paving, Road, nearest_copy};
 use crate::math::{Rgb, floor, mix, scaled, smooth_step, wrap};
@@ -17,7 +18,8 @@ pub(crate) struct Painter<'a> {
     shift: (f32, f32),
 }
 
-/// A column of texels: its x, the main line's y there and its foreshortening, and how far off the roads across are.
+/// A column of texels: its x, the main line's y there and its foreshortening, and how far off the
+/// roads across are.
 pub(crate) struct Column {
     x: f32,
     line: f32,
@@ -25,7 +27,8 @@ pub(crate) struct Column {
     across: Vec<(Road, f32)>,
 }
 
-/// A place with what its surroundings need to know: slow, middling and fine noise, and grain (-1..1).
+/// A place with what its surroundings need to know: slow, middling and fine noise, and grain
+/// (-1..1).
 struct Spot {
     x: f32,
     t: f32,
@@ -552,7 +555,8 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// The block at (x, t); the roads across lie at odd multiples of `gap` / 2, those along at multiples of `depth`.
+    /// The block at (x, t); the roads across lie at odd multiples of `gap` / 2, those along at
+    /// multiples of `depth`.
     pub fn of(x: f32, t: f32, gap: f32, depth: f32, salt: u32) -> Block {
         let shifted = x - 0.5 * gap;
         let (i, j) = (floor(shifted / gap) as f32, floor(t / depth) as f32);

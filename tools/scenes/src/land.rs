@@ -1,7 +1,8 @@
-//! The plan of the country: a winding main line with roads beside and across it, and what lies where.
+//! The plan of the country: a winding main line with roads beside and across it, and what lies
+//! where.
 //!
-//! Places are given as (x, t): x along the world, t meters to the left of the main line. The plan repeats in x after
-//! [`PERIOD`] meters, so that a flight may be as long as it likes.
+//! Places are given as (x, t): x along the world, t meters to the left of the main line. The plan
+//! repeats in x after [`PERIOD`] meters, so that a flight may be as long as it likes.
 
 use crate::math::{V3, cos_turns, floor, sin_turns, v3};
 use crate::palette::Biome;

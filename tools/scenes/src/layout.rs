@@ -1,4 +1,5 @@
-//! What stands on the ground and how it gets there: buildings, trees, parked vehicles, and the planned occluders.
+//! What stands on the ground and how it gets there: buildings, trees, parked vehicles, and the
+//! planned occluders.
 
 use crate::actors::{Actor, Body, Route, TargetKind};
 use crate::land::{Land, PERIOD, nearest_copy};
@@ -200,7 +201,8 @@ impl Builder<'_> {
         self.layout.taken.push((at.x, self.land.t_of(at), radius));
     }
 
-    /// A tree whose crown's middle is at `crown`; false if its trunk would stand in the way of traffic.
+    /// A tree whose crown's middle is at `crown`; false if its trunk would stand in the way of
+    /// traffic.
     pub fn screen(&mut self, crown: V3, radius: f32) -> bool {
         let at = v3(crown.x, crown.y, 0.0);
         if self.land.clearance(at.x, self.land.t_of(at)) < 0.6 {

@@ -27,7 +27,8 @@ fn deviates() -> &'static [i8] {
     })
 }
 
-/// Packed pixels to RGB bytes, smeared along `smear` (pixels) and with noise of the given standard deviation.
+/// Packed pixels to RGB bytes, smeared along `smear` (pixels) and with noise of the given standard
+/// deviation.
 pub(crate) fn develop(
     pixels: &[u32],
     width: usize,

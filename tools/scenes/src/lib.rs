@@ -1,12 +1,19 @@
 //! Seeded, procedural UAV flights with exact boxes: for the demo, the tests and training pairs.
 //!
-//! A [`Flight`] is a camera on a drone that follows one target (a car, a boat, someone on foot ...) over a country made
-//! from a seed. Any frame can be asked for, in any order; with its pixels comes the [`Truth`].
+//! A [`Flight`] is a camera on a drone that follows one target (a car, a boat, a person) over a
+//! country made from a seed. Frames are rendered in any order, each with its pixels and its
+//! [`Truth`].
 //!
 //! ```
 //! use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
 //!
-//! let config = FlightConfig { width: 160, height: 96, frames: 30, difficulty: Difficulty::Easy, ..Default::default() };
+//! let config = FlightConfig {
+//!     width: 160,
+//!     height: 96,
+//!     frames: 30,
+//!     difficulty: Difficulty::Easy,
+//!     ..Default::default()
+//! };
 //! let flight = Flight::new(config);
 //! let mut frame = FrameBuffer::default();
 //! let truth = flight.render(0, &mut frame);
@@ -14,10 +21,15 @@
 //! assert!(truth.visible > 0.9);
 //! ```
 //!
-//! How a frame comes about: `flight` decides, by the numbers of `preset`; `land` and `palette` say what the country is
-//! like; `ground` paints it into the `map`, once; `layout` and `furnish` put things on it (`buildings`, `trees`),
-//! `actors` says what moves over it (`vehicles`, `people`), `camera` where it is seen from. `draw` makes a frame of all
-//! that through `raster` and `fill`; `lens` adds blur and noise. `mesh`, `math` and `rng` serve the others.
+//! | step | module |
+//! |---|---|
+//! | plan the flight, with the numbers of a difficulty | `flight`, `preset` |
+//! | plan the country and its colors | `land`, `palette` |
+//! | paint its ground once into a texture | `ground`, `map` |
+//! | place buildings, trees and parked vehicles on it | `layout`, `furnish`, `buildings`, `trees` |
+//! | move vehicles, people and the camera | `actors`, `vehicles`, `people`, `camera` |
+//! | draw a frame | `draw`, `raster`, `fill` |
+//! | add blur and noise | `lens` |
 #![forbid(unsafe_code)]
 
 mod actors;
@@ -47,17 +59,53 @@ mod vehicles;
 pub use actors::TargetKind;
 pub use flight::Flight;
 pub use palette::Biome;
+pub use rng::SplitMix64;
 
-/// How hard a flight is to track: speed, shake, look-alikes, occlusion, exits, noise, blur and haze together.
+use std::fmt;
+use std::str::FromStr;
+
+/// How hard a flight is to track: speed, shake, look-alikes, occlusion, exits, noise, blur and haze
+/// together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Difficulty {
     /// Calm, clear, nothing before the target.
     Easy,
-    /// Some of everything, and a planned occlusion every eight seconds or so; the target stays in view.
+    /// Some of everything, and a planned occlusion every eight seconds or so; the target stays in
+    /// view.
     #[default]
     Medium,
     /// Fast and shaky, with look-alikes, occlusions, and exits from the view with a return.
     Hard,
+}
+
+impl Difficulty {
+    /// All of them, the easiest first.
+    pub const ALL: [Difficulty; 3] = [Difficulty::Easy, Difficulty::Medium, Difficulty::Hard];
+}
+
+impl fmt::Display for Difficulty {
+    /// `easy`, `medium` or `hard`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Difficulty::Easy => "easy",
+            Difficulty::Medium => "medium",
+            Difficulty::Hard => "hard",
+        })
+    }
+}
+
+impl FromStr for Difficulty {
+    type Err = String;
+
+    /// From `easy`, `medium` or `hard`.
+    fn from_str(text: &str) -> Result<Difficulty, String> {
+        match text {
+            "easy" => Ok(Difficulty::Easy),
+            "medium" => Ok(Difficulty::Medium),
+            "hard" => Ok(Difficulty::Hard),
+            _ => Err(format!("expected easy, medium or hard, found {text:?}")),
+        }
+    }
 }
 
 /// What a flight is to be like.
@@ -75,7 +123,8 @@ pub struct FlightConfig {
     pub difficulty: Difficulty,
     /// The country; by the seed if `None`.
     pub biome: Option<Biome>,
-    /// The target; by the seed if `None`, or if it does not fit the biome (a boat away from the coast).
+    /// The target; by the seed if `None`, or if it does not fit the biome (a boat away from the
+    /// coast).
     pub target: Option<TargetKind>,
     /// Number of moving look-alikes, at most 64; by the difficulty if `None`.
     pub distractors: Option<usize>,
@@ -116,8 +165,8 @@ pub struct FrameBuffer {
 
 /// An axis-aligned box in pixels, from `x` to `x + w` and `y` to `y + h`.
 ///
-/// Coordinates are continuous: the left edge of the leftmost pixel is at 0, its right edge at 1. A box may reach out of
-/// the view.
+/// Coordinates are continuous: the left edge of the leftmost pixel is at 0, its right edge at 1. A
+/// box may reach out of the view.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TruthBox {
     /// Left edge.
@@ -133,11 +182,12 @@ pub struct TruthBox {
 /// What is true of a frame, whatever can be seen in it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Truth {
-    /// Tight box of the whole target (hidden and out-of-view parts included) at mid-exposure, without its shadow, wake
-    /// or motion blur.
+    /// Tight box of the whole target (hidden and out-of-view parts included) at mid-exposure,
+    /// without its shadow, wake or motion blur.
     pub bbox: TruthBox,
     /// Share of the target's area that lies in the view and is not hidden, 0..1.
     pub visible: f32,
-    /// Boxes of everything else of the target's sort, moving or parked, that reaches into the view; it may be hidden.
+    /// Boxes of everything else of the target's sort, moving or parked, that reaches into the view;
+    /// it may be hidden.
     pub distractors: Vec<TruthBox>,
 }

@@ -1,4 +1,5 @@
-//! The ground as a texture with mip levels: painted once per flight, darkened by shadows, then sampled for each frame.
+//! The ground as a texture with mip levels: painted once per flight, darkened by shadows, then
+//! sampled for each frame.
 
 use crate::camera::Camera;
 use crate::fill;
@@ -22,7 +23,8 @@ pub(crate) struct Extent {
 }
 
 struct Level {
-    /// Packed colors, the fourth byte the share of open water; one column and row more than it counts, wrapped round.
+    /// Packed colors, the fourth byte the share of open water; one column and row more than it
+    /// counts, wrapped round.
     texels: Vec<u32>,
     nx: usize,
     ny: usize,
@@ -40,7 +42,8 @@ pub(crate) struct Map {
 }
 
 impl Map {
-    /// An empty map of an area, with texels of about the given size in meters (larger if the area is).
+    /// An empty map of an area, with texels of about the given size in meters (larger if the area
+    /// is).
     pub fn new(extent: Extent, texel: f32) -> Map {
         let width = (extent.x.1 - extent.x.0).clamp(8.0, PERIOD);
         let height = (extent.y.1 - extent.y.0).clamp(8.0, 2.0 * PERIOD);
@@ -159,7 +162,8 @@ impl Map {
         }
     }
 
-    /// Draws the ground into packed pixels. `seconds` moves the ripples on water; far ground fades into haze.
+    /// Draws the ground into packed pixels. `seconds` moves the ripples on water; far ground fades
+    /// into haze.
     pub fn draw(
         &self,
         camera: &Camera,
@@ -181,8 +185,8 @@ impl Map {
         if self.levels.is_empty() {
             return;
         }
-        // Strip by strip, not row by row: a row of the view may run across thousands of rows of the map, and what it
-        // brought into the cache serves the next row only if that comes soon.
+        // Strip by strip, not row by row: a row of the view may run across thousands of rows of the
+        // map, and what it brought into the cache serves the next row only if that comes soon.
         for x0 in (0..width).step_by(SPAN) {
             for (y, row) in out.chunks_exact_mut(width).enumerate() {
                 let fy = y as f32 + 0.5;

@@ -76,7 +76,8 @@ impl V3 {
     }
 }
 
-/// Sine of an angle in turns, by polynomial: the system's own sine differs between platforms, this one does not.
+/// Sine of an angle in turns, by polynomial: the system's own sine differs between platforms, this
+/// one does not.
 pub(crate) fn sin_turns(turns: f32) -> f32 {
     let mut r = turns - floor(turns + 0.5) as f32;
     if r > 0.25 {
@@ -94,7 +95,8 @@ pub(crate) fn cos_turns(turns: f32) -> f32 {
     sin_turns(turns + 0.25)
 }
 
-/// The largest whole number not above `v`, without the call into the system's library that `f32::floor` may be.
+/// The largest whole number not above `v`, without the call into the system's library that
+/// `f32::floor` may be.
 #[inline(always)]
 pub(crate) fn floor(v: f32) -> i32 {
     let i = v as i32;
@@ -155,7 +157,8 @@ pub(crate) fn lerp_packed(a: u32, b: u32, t: u32) -> u32 {
 /// The low byte of every 16-bit lane.
 const LANES: u64 = 0x00ff_00ff_00ff_00ff;
 
-/// A packed color with a 16-bit lane for each byte, so that all four can be weighed in one multiplication.
+/// A packed color with a 16-bit lane for each byte, so that all four can be weighed in one
+/// multiplication.
 #[inline(always)]
 pub(crate) fn spread(c: u32) -> u64 {
     u64::from(c & 0x00ff_00ff) | u64::from(c & 0xff00_ff00) << 24
@@ -173,7 +176,8 @@ pub(crate) fn lerp_lanes(a: u64, b: u64, t: u32) -> u64 {
     (a * u64::from(256 - t) + b * u64::from(t)) >> 8 & LANES
 }
 
-/// The mean of four neighboring texels, weighed by the place between them (`a` across, `b` down, 0..256), as lanes.
+/// The mean of four neighboring texels, weighed by the place between them (`a` across, `b` down,
+/// 0..256), as lanes.
 #[inline(always)]
 pub(crate) fn bilinear(top: &[u32], low: &[u32], a: u32, b: u32) -> u64 {
     let both = (a * b) >> 8;

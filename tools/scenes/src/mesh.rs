@@ -1,4 +1,5 @@
-//! Things made of flat quads, in meters around their own middle on the ground: x forward, y left, z up.
+//! Things made of flat quads, in meters around their own middle on the ground: x forward, y left, z
+//! up.
 
 use crate::math::{Rgb, V3, cos_turns, lerp, scaled, sin_turns, v3};
 

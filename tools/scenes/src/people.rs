@@ -54,7 +54,8 @@ impl Look {
         }
     }
 
-    /// The body at a phase of its stride, in turns; `stride` is 0 for someone standing still, 1 for a walk.
+    /// The body at a phase of its stride, in turns; `stride` is 0 for someone standing still, 1 for
+    /// a walk.
     pub fn mesh(&self, phase: f32, stride: f32) -> Mesh {
         if self.cyclist {
             self.ride(phase)

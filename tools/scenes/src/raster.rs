@@ -1,5 +1,7 @@
-//! Draws meshes, crowns of leaves and soft spots into a frame, and keeps account of what hides the target.
+//! Draws meshes, crowns of leaves and soft spots into a frame, and keeps account of what hides the
+//! target.
 
+use crate::TruthBox;
 use crate::camera::Camera;
 use crate::fill;
 use crate::math::{Rgb, V3, bilinear, gathered, lerp_lanes, lerp_packed, mix, pack, spread};
@@ -7,8 +9,54 @@ use crate::mesh::Mesh;
 use crate::palette::Palette;
 use crate::trees::Crown;
 
-/// Largest side, in samples, of one object's drawing; what would be larger is drawn coarser or clipped.
+/// Largest side, in samples, of one object's drawing; what would be larger is drawn coarser or
+/// clipped.
 const MOST_SIDE: usize = 4096;
+
+/// Edges of a box in pixels, continuous.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bounds {
+    pub left: f32,
+    pub top: f32,
+    pub right: f32,
+    pub bottom: f32,
+}
+
+impl Bounds {
+    /// The bounds of no point.
+    pub const EMPTY: Bounds = Bounds {
+        left: f32::MAX,
+        top: f32::MAX,
+        right: f32::MIN,
+        bottom: f32::MIN,
+    };
+
+    /// Grows to include a point.
+    pub fn include(&mut self, x: f32, y: f32) {
+        self.left = self.left.min(x);
+        self.top = self.top.min(y);
+        self.right = self.right.max(x);
+        self.bottom = self.bottom.max(y);
+    }
+
+    /// Whether they reach into a view of the given size.
+    pub fn meets(&self, width: usize, height: usize) -> bool {
+        self.right > 0.0
+            && self.bottom > 0.0
+            && self.left < width as f32
+            && self.top < height as f32
+    }
+
+    /// The same as a box.
+    pub fn to_box(self) -> TruthBox {
+        TruthBox {
+            x: self.left,
+            y: self.top,
+            w: self.right - self.left,
+            h: self.bottom - self.top,
+        }
+    }
+}
 
 /// The picture in the making.
 pub(crate) struct Frame {
@@ -112,9 +160,9 @@ impl Frame {
         }
     }
 
-    /// The tight box (left, top, right, bottom) of a mesh in pixels.
-    pub fn bounds(mesh: &Mesh, stand: &Stand, camera: &Camera) -> (f32, f32, f32, f32) {
-        let mut b = (f32::MAX, f32::MAX, f32::MIN, f32::MIN);
+    /// The tight bounds of a mesh in pixels.
+    pub fn bounds(mesh: &Mesh, stand: &Stand, camera: &Camera) -> Bounds {
+        let mut bounds = Bounds::EMPTY;
         let (cos, sin) = stand.heading;
         let eye = (camera.position - stand.at).turned(cos, -sin);
         for face in mesh
@@ -123,11 +171,11 @@ impl Frame {
             .filter(|f| f.normal.dot(eye - f.corners[0]) > 0.0)
         {
             for corner in face.corners {
-                let p = camera.project(corner.turned(cos, sin) + stand.at);
-                b = (b.0.min(p.0), b.1.min(p.1), b.2.max(p.0), b.3.max(p.1));
+                let (x, y, _) = camera.project(corner.turned(cos, sin) + stand.at);
+                bounds.include(x, y);
             }
         }
-        b
+        bounds
     }
 
     /// Draws a mesh; as the target, it also starts the frame's mask.
@@ -139,8 +187,8 @@ impl Frame {
         palette: &Palette,
         target: bool,
     ) {
-        let b = Self::bounds(mesh, stand, camera);
-        let Some(region) = Region::of(b, self, target) else {
+        let bounds = Self::bounds(mesh, stand, camera);
+        let Some(region) = Region::of(bounds, self, target) else {
             return;
         };
         let k = region.fineness as f32;
@@ -201,11 +249,11 @@ impl Frame {
             let (x, y, _) = camera.project(p - sun * (p.z / sun.z));
             (x, y)
         };
-        let mut b = (f32::MAX, f32::MAX, f32::MIN, f32::MIN);
-        for p in mesh.faces.iter().flat_map(|f| f.corners).map(flat) {
-            b = (b.0.min(p.0), b.1.min(p.1), b.2.max(p.0), b.3.max(p.1));
+        let mut bounds = Bounds::EMPTY;
+        for (x, y) in mesh.faces.iter().flat_map(|f| f.corners).map(flat) {
+            bounds.include(x, y);
         }
-        let Some(region) = Region::of(b, self, false) else {
+        let Some(region) = Region::of(bounds, self, false) else {
             return;
         };
         let region = Region {
@@ -260,7 +308,8 @@ impl Frame {
         });
     }
 
-    /// Draws a crown of about one meter radius as the camera sees it from afar, `scale` pixels to its meter.
+    /// Draws a crown of about one meter radius as the camera sees it from afar, `scale` pixels to
+    /// its meter.
     pub fn sprite(&mut self, crown: &Crown, camera: &Camera, scale: f32) -> Sprite {
         let scale = scale.clamp(2.0, 160.0);
         let side = (scale * 2.6) as usize + 4;
@@ -533,19 +582,20 @@ struct Region {
 }
 
 impl Region {
-    /// The region of a box, clipped to the view unless `whole`; none if it lies outside.
-    fn of(b: (f32, f32, f32, f32), frame: &Frame, whole: bool) -> Option<Region> {
-        let (mut x0, mut y0) = (b.0.floor() as i32, b.1.floor() as i32);
-        let (mut x1, mut y1) = (
-            (b.2.ceil() as i32).saturating_add(1),
-            (b.3.ceil() as i32).saturating_add(1),
-        );
+    /// The region of bounds, clipped to the view unless `whole`; `None` if it lies outside.
+    fn of(bounds: Bounds, frame: &Frame, whole: bool) -> Option<Region> {
+        let mut x0 = bounds.left.floor() as i32;
+        let mut y0 = bounds.top.floor() as i32;
+        let mut x1 = (bounds.right.ceil() as i32).saturating_add(1);
+        let mut y1 = (bounds.bottom.ceil() as i32).saturating_add(1);
         if whole {
             x1 = x1.min(x0.saturating_add(MOST_SIDE as i32 / 4));
             y1 = y1.min(y0.saturating_add(MOST_SIDE as i32 / 4));
         } else {
-            (x0, y0) = (x0.max(0), y0.max(0));
-            (x1, y1) = (x1.min(frame.width as i32), y1.min(frame.height as i32));
+            x0 = x0.max(0);
+            y0 = y0.max(0);
+            x1 = x1.min(frame.width as i32);
+            y1 = y1.min(frame.height as i32);
         }
         if x0 >= x1 || y0 >= y1 {
             return None;

@@ -4,23 +4,36 @@ use std::sync::OnceLock;
 
 use crate::math::{floor, lerp};
 
-/// SplitMix64.
-pub(crate) struct Rng(u64);
+/// Sebastiano Vigna's SplitMix64: a generator of 64 bits of state, for all crates that depend on
+/// this one.
+#[derive(Clone, Debug)]
+pub struct SplitMix64(pub u64);
 
-impl Rng {
-    /// `stream` separates the uses of one seed, so that drawing more in one place does not change another.
-    pub fn new(seed: u64, stream: u64) -> Rng {
-        let mut rng = Rng(seed ^ stream.wrapping_mul(0xd134_2543_de82_ef95));
-        rng.next();
-        rng
-    }
-
-    pub fn next(&mut self) -> u64 {
+impl SplitMix64 {
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ z >> 31
+    }
+}
+
+/// Chance of a flight.
+pub(crate) struct Rng(SplitMix64);
+
+impl Rng {
+    /// `stream` separates the uses of one seed, so that drawing more in one place does not change
+    /// another.
+    pub fn new(seed: u64, stream: u64) -> Rng {
+        let mut rng = SplitMix64(seed ^ stream.wrapping_mul(0xd134_2543_de82_ef95));
+        rng.bits();
+        Rng(rng)
+    }
+
+    pub fn next(&mut self) -> u64 {
+        self.0.bits()
     }
 
     /// 0..1.
@@ -67,7 +80,8 @@ pub(crate) fn hash_unit(a: i32, b: i32, salt: u32) -> f32 {
 /// Side of the noise table; it repeats after as many units.
 pub(crate) const NOISE_SIDE: usize = 512;
 
-/// Fractal value noise, about -1..1, its coarsest cells 64 units wide, repeating after [`NOISE_SIDE`] units.
+/// Fractal value noise, about -1..1, its coarsest cells 64 units wide, repeating after
+/// [`NOISE_SIDE`] units.
 pub(crate) struct Noise(Vec<f32>);
 
 impl Noise {
@@ -121,13 +135,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_generator_is_splitmix64() {
-        // First value of the reference implementation for state 0.
-        assert_eq!(Rng(0).next(), 0xe220_a839_7b1d_cdaf);
+    fn generator_matches_the_reference_implementation() {
+        // Its first value for state 0.
+        assert_eq!(SplitMix64(0).bits(), 0xe220_a839_7b1d_cdaf);
     }
 
     #[test]
-    fn noise_tiles_and_varies() {
+    fn noise_repeats_after_its_side_and_varies() {
         let noise = Noise::table();
         let side = NOISE_SIDE as f32;
         assert_eq!(noise.at(3.25, 7.5), noise.at(3.25 + side, 7.5 - side));

@@ -34,7 +34,7 @@ fn visible(flight: &Flight, index: usize) -> f32 {
 }
 
 #[test]
-fn the_same_seed_and_index_give_the_same_bytes_in_any_order() {
+fn frames_of_one_seed_are_the_same_bytes_in_any_order() {
     for seed in [1, 5, 12] {
         let (a, b) = (
             Flight::new(small(seed, Difficulty::Hard)),
@@ -56,7 +56,7 @@ fn the_same_seed_and_index_give_the_same_bytes_in_any_order() {
 }
 
 #[test]
-fn seeds_differ() {
+fn flights_of_different_seeds_differ() {
     let mut frame = FrameBuffer::default();
     let mut pictures = Vec::new();
     for seed in 0..6 {
@@ -66,8 +66,8 @@ fn seeds_differ() {
     }
 }
 
-/// Bounds (left, top, right, bottom) and number of the pixels that the target changes.
-fn changed(flight: &Flight, index: usize) -> Option<((f32, f32, f32, f32), usize)> {
+/// Bounds and number of the pixels that the target changes.
+fn changed(flight: &Flight, index: usize) -> Option<(Bounds, usize)> {
     let draw = |target| {
         flight
             .draw(
@@ -81,7 +81,7 @@ fn changed(flight: &Flight, index: usize) -> Option<((f32, f32, f32, f32), usize
             .0
     };
     let (with, without) = (draw(true), draw(false));
-    let mut bounds = (f32::MAX, f32::MAX, f32::MIN, f32::MIN);
+    let mut bounds = Bounds::EMPTY;
     let mut count = 0;
     for (at, _) in with
         .pixels
@@ -91,19 +91,15 @@ fn changed(flight: &Flight, index: usize) -> Option<((f32, f32, f32, f32), usize
         .filter(|(_, (a, b))| a != b)
     {
         let (x, y) = ((at % with.width) as f32, (at / with.width) as f32);
-        bounds = (
-            bounds.0.min(x),
-            bounds.1.min(y),
-            bounds.2.max(x + 1.0),
-            bounds.3.max(y + 1.0),
-        );
+        bounds.include(x, y);
+        bounds.include(x + 1.0, y + 1.0);
         count += 1;
     }
     (count > 0).then_some((bounds, count))
 }
 
 #[test]
-fn the_box_is_the_tight_box_of_the_pixels_that_the_target_changes() {
+fn true_box_bounds_the_pixels_that_the_target_changes() {
     let mut checked = 0;
     for seed in 0..60 {
         let flight = Flight::unpainted(config(seed, ALL[seed as usize % 3]));
@@ -124,12 +120,13 @@ fn the_box_is_the_tight_box_of_the_pixels_that_the_target_changes() {
             };
             let TruthBox { x, y, w, h } = truth.bbox;
             let off = [
-                found.0 - x,
-                found.1 - y,
-                found.2 - (x + w),
-                found.3 - (y + h),
+                found.left - x,
+                found.top - y,
+                found.right - (x + w),
+                found.bottom - (y + h),
             ];
-            // Whole pixels against continuous edges: less than one pixel outward, and thin ends may not fill a sample.
+            // Whole pixels against continuous edges: less than one pixel outward, and thin ends may
+            // not fill a sample.
             assert!(
                 off.iter().all(|d| d.abs() < 1.3),
                 "seed {seed} frame {index} {:?}: {off:?}",
@@ -145,7 +142,7 @@ fn the_box_is_the_tight_box_of_the_pixels_that_the_target_changes() {
 }
 
 #[test]
-fn visibility_is_the_share_of_the_targets_pixels_that_change() {
+fn visible_share_is_the_share_of_the_targets_pixels_that_change() {
     let (mut hidden, mut partial) = (0, 0);
     for seed in 0..40 {
         let flight = Flight::unpainted(config(seed, Difficulty::Hard));
@@ -187,7 +184,7 @@ fn visibility_is_the_share_of_the_targets_pixels_that_change() {
 }
 
 #[test]
-fn a_planned_occlusion_hides_the_target_and_lets_it_go() {
+fn planned_occlusion_hides_the_target_and_ends() {
     let mut flights = 0;
     for seed in 0..30 {
         let flight = Flight::unpainted(config(seed, Difficulty::Medium));
@@ -221,7 +218,7 @@ fn a_planned_occlusion_hides_the_target_and_lets_it_go() {
 }
 
 #[test]
-fn a_hard_flight_loses_the_target_from_view_and_finds_it_again() {
+fn target_of_a_hard_flight_leaves_the_view_and_returns() {
     for seed in 0..12 {
         let flight = Flight::unpainted(config(seed, Difficulty::Hard));
         let exit = flight
@@ -247,7 +244,7 @@ fn a_hard_flight_loses_the_target_from_view_and_finds_it_again() {
 }
 
 #[test]
-fn easy_flights_never_hide_the_target() {
+fn target_of_an_easy_flight_is_never_hidden() {
     for seed in 0..12 {
         let flight = Flight::unpainted(config(seed, Difficulty::Easy));
         for index in (0..flight.len()).step_by(23) {
@@ -262,7 +259,7 @@ fn easy_flights_never_hide_the_target() {
 }
 
 #[test]
-fn the_first_frame_shows_the_whole_target_at_a_usable_size() {
+fn first_frame_shows_the_whole_target_at_a_usable_size() {
     for seed in 0..200 {
         let flight = Flight::unpainted(FlightConfig {
             frames: 150,
@@ -296,7 +293,7 @@ fn the_first_frame_shows_the_whole_target_at_a_usable_size() {
 }
 
 #[test]
-fn no_size_or_seed_panics() {
+fn extreme_sizes_and_seeds_render() {
     let sizes = [
         (64, 48),
         (1, 1),
@@ -340,7 +337,7 @@ fn no_size_or_seed_panics() {
 }
 
 #[test]
-fn a_long_flight_goes_round_a_country_that_repeats() {
+fn long_flight_goes_round_a_country_that_repeats() {
     let config = FlightConfig {
         width: 96,
         height: 64,
@@ -354,4 +351,13 @@ fn a_long_flight_goes_round_a_country_that_repeats() {
         let mean = frame.data.iter().map(|&b| f64::from(b)).sum::<f64>() / frame.data.len() as f64;
         assert!((30.0..225.0).contains(&mean), "frame {index}: mean {mean}");
     }
+}
+
+#[test]
+fn difficulty_is_read_from_the_name_that_it_displays() {
+    for difficulty in Difficulty::ALL {
+        assert_eq!(difficulty.to_string().parse(), Ok(difficulty));
+    }
+    let error = "mild".parse::<Difficulty>().unwrap_err();
+    assert_eq!(error, "expected easy, medium or hard, found \"mild\"");
 }

@@ -1,4 +1,5 @@
-//! Crowns of leaves as heaps of small discs, drawn once per frame from the camera's side and then stamped many times.
+//! Crowns of leaves as heaps of small discs, drawn once per frame from the camera's side and then
+//! stamped many times.
 
 use crate::math::{Rgb, V3, mix, v3};
 use crate::palette::Palette;

@@ -44,7 +44,8 @@ fn lamps(mesh: &mut Mesh, front: f32, back: f32, half: f32, z: f32) {
     mesh.end_plate(front + 0.02, (-0.5, 0.5), (z - 0.18, z + 0.02), DARK);
 }
 
-/// A passenger car: saloon, hatchback, estate or off-roader, decided by `rng`; `paint` is its color.
+/// A passenger car: saloon, hatchback, estate or off-roader, decided by `rng`; `paint` is its
+/// color.
 pub(crate) fn car(rng: &mut Rng, paint: Rgb) -> Mesh {
     let mut m = Mesh::default();
     let shape = rng.below(4);

@@ -175,7 +175,8 @@ pub fn is_groundtruth(path: &Path) -> bool {
     name.starts_with("groundtruth") && name.ends_with(".txt")
 }
 
-/// The sequence that a file of boxes is named after; `None` if its name says that it is another file.
+/// The sequence that a file of boxes is named after; `None` if its name says that it is another
+/// file.
 pub fn sequence_name(path: &Path) -> Option<String> {
     const OTHERS: [&str; 4] = ["_time", "_att", "_attr", "_absent"];
     let name = file_name(path);

@@ -10,10 +10,10 @@
 //! | no result | a miss | a miss | a miss | a miss |
 //! | list of absent frames | not used | no hit, but counted | not used | not used |
 //!
-//! pysot takes the error wherever the annotation's *center* is above 0 in both coordinates, OTB only
-//! where all four numbers are. Source: the got10k toolkit 0.1.3, pysot's `statistics.py`, OTB's
-//! `calcSeqErrRobust.m`. The toolkits cut annotations to the length of short results, so that a
-//! tracker that crashed scores as well as a perfect one; here a frame without a result is a miss.
+//! pysot takes the error wherever the annotation's *center* is above 0 in both coordinates, OTB
+//! only where all four numbers are. Source: the got10k toolkit 0.1.3, pysot's `statistics.py`,
+//! OTB's `calcSeqErrRobust.m`. The toolkits cut annotations to the length of short results, so that
+//! a tracker that crashed scores as well as a perfect one; here a frame without a result is a miss.
 
 use crate::annotation::Annotation;
 use crate::curves::{Curves, Judgment, PRECISION_BINS, QUOTED_PRECISION};
@@ -23,13 +23,13 @@ use std::borrow::Cow;
 /// A rule by which frames are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Convention {
-    /// The got10k toolkit: annotations with NaN do not count. Normalized precision follows LaSOT and
-    /// is the curve's mean.
+    /// The got10k toolkit: annotations with NaN do not count. Normalized precision follows LaSOT
+    /// and is the curve's mean.
     Got10k,
     /// pysot: every frame counts. Normalized precision at 0.20.
     Pysot,
-    /// The Matlab code of OTB and UAV123: every frame counts, and the previous frame's box replaces an
-    /// unusable result.
+    /// The Matlab code of OTB and UAV123: every frame counts, and the previous frame's box replaces
+    /// an unusable result.
     Otb,
     /// As got10k, and annotations without area do not count either: the rule of some published
     /// figures on DTB70.

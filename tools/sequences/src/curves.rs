@@ -54,7 +54,8 @@ impl Curves {
         i as f64 * 0.05
     }
 
-    /// The rates among `frames` frames, of which those in `judgments` may be hits; `None` without frames.
+    /// The rates among `frames` frames, of which those in `judgments` may be hits; `None` without
+    /// frames.
     pub fn of(judgments: impl IntoIterator<Item = Judgment>, frames: usize) -> Option<Curves> {
         if frames == 0 {
             return None;

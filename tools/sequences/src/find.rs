@@ -55,8 +55,8 @@ pub fn pictures_below(root: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(pictures)
 }
 
-/// Whether texts in a folder, but for `groundtruth*`, are about other things than boxes: flags, first
-/// boxes only, or notes beside a sequence's pictures.
+/// Whether texts in a folder, but for `groundtruth*`, are about other things than boxes: flags,
+/// first boxes only, or notes beside a sequence's pictures.
 fn holds_other_texts(folder: &Path, tree: &Tree) -> bool {
     let name = file_name(folder);
     ["att", "attributes", "initialization"].contains(&&*name)

@@ -81,9 +81,11 @@ impl Rect {
         (self.w * self.h).sqrt()
     }
 
-    /// Intersection over union in `[0, 1]`, with continuous edges `x..x + w`; NaN if a number is NaN.
+    /// Intersection over union in `[0, 1]`, with continuous edges `x..x + w`; NaN if a number is
+    /// NaN.
     ///
-    /// Source: the got10k toolkit, which adds 2.2e-16 to the union so that empty boxes overlap by 0.
+    /// Source: the got10k toolkit, which adds 2.2e-16 to the union so that empty boxes overlap by
+    /// 0.
     pub fn iou(&self, other: &Rect) -> f64 {
         if self.has_nan() || other.has_nan() {
             return f64::NAN;

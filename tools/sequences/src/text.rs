@@ -180,8 +180,8 @@ pub fn parse_boxes(text: &str) -> Result<Vec<Rect>, BadRow> {
     Ok(boxes)
 }
 
-/// Whether the first of five columns holds frame numbers: it counts from 0 or 1, and the last column
-/// is no confidence because it exceeds 1.
+/// Whether the first of five columns holds frame numbers: it counts from 0 or 1, and the last
+/// column is no confidence because it exceeds 1.
 fn counts_frames(table: &[Vec<f64>]) -> bool {
     let start = table[0].first().copied().unwrap_or(f64::NAN);
     let counts = |(i, row): (usize, &Vec<f64>)| row.len() == 5 && row[0] == start + i as f64;

@@ -1,30 +1,28 @@
 //! Random numbers that a restart and the timing of threads cannot change: one small generator per sample.
 
+use scenes::SplitMix64;
 use std::f32::consts::TAU;
 
-/// Sebastiano Vigna's SplitMix64.
+/// [`SplitMix64`] with the distributions that training draws from.
 ///
 /// A sample's generator is made from the run's seed and the sample's index alone, so that it does not matter which thread
 /// makes it, when, or after which restart.
 #[derive(Clone, Debug)]
-pub struct Rng(u64);
+pub struct Rng(SplitMix64);
 
 impl Rng {
     /// The generator of number `index` in the `stream` of a `seed`.
     pub fn new(seed: u64, stream: u64, index: u64) -> Rng {
-        let mut mixed = Rng(seed);
+        let mut mixed = SplitMix64(seed);
         for part in [stream, index] {
-            mixed = Rng(mixed.bits() ^ part.wrapping_mul(0xd134_2543_de82_ef95));
+            mixed = SplitMix64(mixed.bits() ^ part.wrapping_mul(0xd134_2543_de82_ef95));
         }
-        Rng(mixed.bits())
+        Rng(SplitMix64(mixed.bits()))
     }
 
     /// The next 64 bits.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.bits()
     }
 
     /// Uniform in `[0, 1)`.

@@ -11,7 +11,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Error> {
         count: args.count,
         frames: args.frames,
         size: args.size,
-        difficulty: args.difficulty.difficulty(),
+        difficulty: args.difficulty,
     };
     flights.write(&args.out, |line| eprintln!("{line}"))
 }

@@ -1,8 +1,10 @@
-//! Why a tracker scores as it does: whether its boxes follow the target's shape, and where they end.
+//! Why a tracker scores as it does: whether its boxes follow the target's shape, and where they
+//! end.
 //!
-//! AUC adds up two kinds of error. A box may be on the target and not follow its shape ([`shape`]), or
-//! it may end on something else ([`losses`]). Shape is measured on the frames in which every tracker
-//! of the comparison is on the target, so that a tracker gains nothing by losing the hard ones.
+//! AUC adds up two kinds of error. A box may be on the target and not follow its shape ([`shape`]),
+//! or it may end on something else ([`losses`]). Shape is measured on the frames in which every
+//! tracker of the comparison is on the target, so that a tracker gains nothing by losing the hard
+//! ones.
 //!
 //! A tracker is *on* the target where the boxes overlap by at least [`ON`], and *off* it below
 //! [`OFF`]. The first frame of a pass is given and does not count.

@@ -25,8 +25,8 @@ pub struct Frame {
 /// How boxes follow a target's changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Fit {
-    /// Slope of the line through the origin of the box's changes over the truth's: 1 follows, 0 keeps
-    /// the first frame's; 0 if the truth never changes.
+    /// Slope of the line through the origin of the box's changes over the truth's: 1 follows, 0
+    /// keeps the first frame's; 0 if the truth never changes.
     pub slope: f64,
     /// Root mean square of the difference between the two.
     pub rmse: f64,

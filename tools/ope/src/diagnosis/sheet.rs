@@ -9,7 +9,8 @@ use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use sequences::{Rect, Sequence};
 
-/// Frames shown, counted from the first one off the target; the pass's first frame comes before them.
+/// Frames shown, counted from the first one off the target; the pass's first frame comes before
+/// them.
 const FRAMES: [i64; 7] = [-20, -8, -3, 0, 3, 8, 20];
 /// Side of a picture on the sheet in pixels.
 const TILE: u32 = 192;
@@ -83,7 +84,8 @@ fn tile(
     Ok(tile)
 }
 
-/// The whole pixels of a picture that are shown: a square around both boxes, moved into the picture.
+/// The whole pixels of a picture that are shown: a square around both boxes, moved into the
+/// picture.
 fn part(picture: &RgbImage, truth: Rect, found: Rect) -> Rect {
     let width = f64::from(picture.width());
     let height = f64::from(picture.height());

@@ -40,7 +40,8 @@ pub struct Failure {
     pub jpeg: String,
 }
 
-/// The failures of the `count` sequences on which the first tracker has the lowest AUC, lowest first.
+/// The failures of the `count` sequences on which the first tracker has the lowest AUC, lowest
+/// first.
 ///
 /// # Errors
 /// If a frame to be shown cannot be read.

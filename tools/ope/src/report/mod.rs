@@ -1,4 +1,5 @@
-//! One HTML page about a comparison, which needs nothing but itself: tables, plots, frames of the worst failures.
+//! One HTML page about a comparison, which needs nothing but itself: tables, plots, frames of the
+//! worst failures.
 
 mod diagnosis;
 mod failures;

@@ -1,7 +1,9 @@
-//! Running a tracker over a benchmark: several sequences at a time, going on where an earlier run ended.
+//! Running a tracker over a benchmark: several sequences at a time, going on where an earlier run
+//! ended.
 //!
-//! A sequence's file of boxes appears under its name only when it is whole, its times before it; what is there is not
-//! done again. The boxes do not depend on how many sequences run at a time, on shards or on interruptions.
+//! A sequence's file of boxes appears under its name only when it is whole, its times before it;
+//! what is there is not done again. The boxes do not depend on how many sequences run at a time, on
+//! shards or on interruptions.
 
 mod builtin;
 mod command;
@@ -123,12 +125,14 @@ impl FromStr for Shard {
     }
 }
 
-/// Runs over those sequences of a shard that `folder` has no results of yet; returns how many it ran.
+/// Runs over those sequences of a shard that `folder` has no results of yet; returns how many it
+/// ran.
 ///
 /// `jobs` sequences run at a time; `progress` is told a line about each.
 ///
 /// # Errors
-/// If the folder cannot be written, or sequences fail: the others are still run, and each failure is told.
+/// If the folder cannot be written, or sequences fail: the others are still run, and each failure
+/// is told.
 pub fn run(
     sequences: &[Sequence],
     shard: Shard,

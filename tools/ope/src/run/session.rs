@@ -20,7 +20,8 @@ const FAREWELL: Duration = Duration::from_secs(3);
 
 /// Starts the program and leads it through a sequence.
 ///
-/// The seconds of a frame are those from the message to its answer: the program's reading of the picture is part of it.
+/// The seconds of a frame are those from the message to its answer: the program's reading of the
+/// picture is part of it.
 pub fn track(
     line: &CommandLine,
     timeout: Duration,

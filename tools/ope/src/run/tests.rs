@@ -159,7 +159,8 @@ fn the_built_in_tracker_runs_on_files() {
     );
 }
 
-/// A TraX server in a line of shell: answers each frame with the box moved by 1, and `MORE` at its third message.
+/// A TraX server in a line of shell: answers each frame with the box moved by 1, and `MORE` at its
+/// third message.
 const SERVER: &str = r#"trax:sh -c '
     echo loading; echo @@TRAX:hello trax.version=VERSION trax.image=IMAGE trax.region=rectangle
     n=0

@@ -128,7 +128,8 @@ fn missing_result_is_a_miss_under_every_rule() {
 
     assert_rates(&[GOOD, GOOD], &[GOOD], [half; 4]);
     assert_rates(&[GOOD, GOOD], &[], [none; 4]);
-    // A frame whose annotation is NaN is a hit of precision under pysot and OTB only if it has a result.
+    // A frame whose annotation is NaN is a hit of precision under pysot and OTB only if it has a
+    // result.
     assert_rates(
         &[GOOD, Rect::NONE],
         &[GOOD],

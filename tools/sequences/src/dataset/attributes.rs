@@ -52,7 +52,8 @@ const VISDRONE: [&str; 12] = [
     "viewpoint change",
 ];
 
-/// Reads the flags `att/<sequence>.txt`, `<sequence>_att.txt` or `<sequence>_attr.txt` below a root.
+/// Reads the flags `att/<sequence>.txt`, `<sequence>_att.txt` or `<sequence>_attr.txt` below a
+/// root.
 pub fn read(dataset: Dataset, tree: &Tree) -> Result<Attributes, Error> {
     let names: &[&str] = match dataset {
         Dataset::Uav123 | Dataset::Uav123At10Fps | Dataset::Uav20l => &UAV123,

@@ -8,8 +8,8 @@
 //! | VisDrone | `annotations/<sequence>.txt`, or `initialization/` | a folder `<sequence>` anywhere |
 //! | GOT-10k, LaSOT | `<sequence>/groundtruth.txt`, absence lists | beside it, or in `img` |
 //!
-//! Folders are recognized by their names at any depth below the root, so that wrapping folders do not
-//! matter. File names are matched in any case; hidden files and `__MACOSX` are passed over.
+//! Folders are recognized by their names at any depth below the root, so that wrapping folders do
+//! not matter. File names are matched in any case; hidden files and `__MACOSX` are passed over.
 
 mod attributes;
 pub(crate) mod pictures;

@@ -89,8 +89,8 @@ fn beside<'a>(folder: &Path, tree: &'a Tree) -> Result<&'a [PathBuf], String> {
     Err(reason)
 }
 
-/// Pictures of one kind: masks or depth maps beside the frames are told apart by their extension, or
-/// by `mask` in their names.
+/// Pictures of one kind: masks or depth maps beside the frames are told apart by their extension,
+/// or by `mask` in their names.
 fn of_one_kind(all: Vec<PathBuf>, boxes: usize) -> Result<Vec<PathBuf>, String> {
     if all.len() == boxes {
         return Ok(all);

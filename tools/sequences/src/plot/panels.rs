@@ -27,8 +27,8 @@ pub struct Panel {
     pub title: String,
     /// The lines.
     pub lines: Vec<Line>,
-    /// Labels of the x axis at their places. Without any, the axis begins at 0; with them, each point
-    /// is marked.
+    /// Labels of the x axis at their places. Without any, the axis begins at 0; with them, each
+    /// point is marked.
     pub ticks: Vec<(f64, String)>,
     /// The lower end of the y axis.
     pub low: f64,

@@ -1,7 +1,7 @@
 //! Annotation files: CSV with a header, or JSON objects with the same keys.
 //!
-//! `path` (or `file`), `x`, `y`, `w`, `h` are needed; `track`, `frame` and `source` (or `label`) say what belongs together.
-//! Rows that cannot be used are skipped, each by name.
+//! `path` (or `file`), `x`, `y`, `w`, `h` are needed; `track`, `frame` and `source` (or `label`)
+//! say what belongs together. Rows that cannot be used are skipped, each by name.
 
 use super::skipped::Skipped;
 use crate::error::Error;
@@ -200,8 +200,8 @@ fn read_json(file: &Path, skipped: &mut Skipped) -> Result<Vec<Placed>, Error> {
     Ok(rows)
 }
 
-/// Where the paths of a file start: beside it, in its folder `images`, or one folder up; wherever most of the first
-/// rows' files are.
+/// Where the paths of a file start: beside it, in its folder `images`, or one folder up; wherever
+/// most of the first rows' files are.
 fn root(file: &Path, rows: &[Placed]) -> PathBuf {
     let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
     let up = folder.join("..");

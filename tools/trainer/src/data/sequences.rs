@@ -1,6 +1,6 @@
 //! Annotated videos as training and validation use them.
 //!
-//! The `sequences` crate finds and reads them; here frames without a usable box become `None`, and so
+//! The `sequences` crate finds and reads them. Frames without a usable box become `None` here, and so
 //! do frames whose box lies outside the picture.
 
 use super::skipped::Skipped;
