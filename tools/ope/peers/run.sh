@@ -8,7 +8,9 @@
 # FOLDER      where results go, by default target/peers. Results that are there are not made again, except ours
 # OPE         the program; built by cargo if not set
 # MODEL       a weights file in place of the built-in model
-# PEERS_VENV  a Python environment with opencv-contrib-python, made if it is not there
+# NANOTRACK   the folder NanoTrack/models/nanotrackv3 of HonglinChu/SiamTrackers
+# PEERS_VENV  a Python environment with opencv-contrib-python, made if it is not there; for NanoTrackV3
+#             also onnx and onnxruntime
 # DOCUMENT    the file whose part between `<!-- peers -->` and `<!-- /peers -->` is re-written, by default
 #             docs/results.md; plots go to the folder plots beside it
 set -euo pipefail
@@ -23,6 +25,9 @@ if ! "$venv/bin/python" -c 'import cv2' 2> /dev/null; then
     python3 -m venv "$venv"
     "$venv/bin/pip" install --quiet opencv-contrib-python-headless
 fi
+if [ -n "${NANOTRACK:-}" ] && ! "$venv/bin/python" -c 'import onnx, onnxruntime' 2> /dev/null; then
+    "$venv/bin/pip" install --quiet onnx onnxruntime
+fi
 if [ -z "${OPE:-}" ]; then
     (cd "$root" && cargo build --release -p ope)
     OPE=${CARGO_TARGET_DIR:-$root/target}/release/ope
@@ -36,4 +41,7 @@ run ${MODEL:+--model "$MODEL"}
 for tracker in CSRT KCF MOSSE; do
     run --name "$tracker" --tracker "$venv/bin/python $here/opencv_tracker.py $tracker {frames} {init} {out} {times}"
 done
+if [ -n "${NANOTRACK:-}" ]; then
+    run --name NanoTrackV3 --tracker "$venv/bin/python $here/nanotrack.py $NANOTRACK {frames} {init} {out} {times}"
+fi
 "$venv/bin/python" "$here/tables.py" "$OPE" "$sequences" "$work" "$document"

@@ -10,7 +10,10 @@ import sys
 
 OPE, SEQUENCES, WORK, DOCUMENT = sys.argv[1], *map(pathlib.Path, sys.argv[2:])
 MARKS = "<!-- peers -->", "<!-- /peers -->"
-TITLES = {"track-cpu": "**track-cpu**", "authors": "DR-MIM, the authors' boxes"}
+TITLES = {"track-cpu": "**track-cpu**", "authors": "DR-MIM, the authors' boxes", "NanoTrackV3": "NanoTrackV3"}
+PEERS = ["track-cpu", "CSRT", "KCF", "MOSSE"]
+if (WORK / "folder" / "NanoTrackV3").exists():
+    PEERS.append("NanoTrackV3")
 
 
 def score(sequences, results):
@@ -43,7 +46,7 @@ def machine():
 
 
 everything = sorted({pathlib.Path(folder) for folder, _, files in os.walk(SEQUENCES)
-                     if any(name.startswith("groundtruth") for name in files)}, key=lambda path: path.name)
+                     if any(name.lower().startswith("groundtruth") for name in files)}, key=lambda path: path.name)
 clean = [sequence for sequence in everything if not meta(sequence).get("in_train")]
 published = [sequence for sequence in everything if (sequence / "drmim_authors_result.txt").exists()]
 
@@ -62,7 +65,7 @@ if published:
         parts.append((f"the {len(both)} of these not trained on", both))
 
 lines = ["| | " + " | ".join(title for title, _ in parts) + " | FPS |", "|---|" + "---|" * (len(parts) + 1)]
-for tracker in ["track-cpu", "CSRT", "KCF", "MOSSE"] + ["authors"] * bool(published):
+for tracker in PEERS + ["authors"] * bool(published):
     results = WORK / "folder" / tracker
     cells, fps = [], ""
     for _, sequences in parts:
@@ -77,7 +80,7 @@ for tracker in ["track-cpu", "CSRT", "KCF", "MOSSE"] + ["authors"] * bool(publis
 table = "\n".join(lines) + f"\n\nMeasured on {machine()}."
 print("\nprecision@20 / AUC, rule got10k; FPS: frames / total time on one thread\n\n" + table)
 
-folders = [WORK / "folder" / tracker for tracker in ["track-cpu", "CSRT", "KCF", "MOSSE"]]
+folders = [WORK / "folder" / tracker for tracker in PEERS]
 plots = WORK / "plots"
 subprocess.run([OPE, "compare", "--dataset", "folder", "--root", SEQUENCES, "--out", plots, *folders], check=True,
                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

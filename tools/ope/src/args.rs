@@ -1,7 +1,7 @@
 //! The command line: clap structs, nothing else.
 
-use clap::builder::TypedValueParser;
 use clap::{Parser, Subcommand, ValueEnum};
+use ope::run::Program;
 use scenes::Difficulty;
 use sequences::Dataset;
 use std::path::PathBuf;
@@ -27,15 +27,15 @@ impl Args {
 
 const EXAMPLES: &str = "\
 Examples:
-  ope run --dataset dtb70 --root /data/DTB70 --out results
-  ope run --dataset uavdt --root /data/UAVDT --out results --name kcf --tracker 'python3 kcf.py {frames} {init}'
-  ope run --dataset uav123 --root /data/UAV123 --out results --name nano --tracker 'trax:python3 nano.py'
+  ope run --dataset dtb70 --root DTB70 --out results
+  ope run --dataset uavdt --root UAVDT --out results --tracker 'python3 kcf.py {frames} {init}'
+  ope run --dataset uav123 --root UAV123 --out results --tracker 'trax:python3 nano.py'
   ope step --dataset folder --root my_videos
-  ope score --dataset dtb70 --root /data/DTB70 --results results/DTB70/track-cpu
+  ope score --dataset dtb70 --root DTB70 --results results/DTB70/track-cpu
   ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
-  ope compare --dataset dtb70 --root /data/DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
-  ope diagnose --dataset dtb70 --root /data/DTB70 --out sheets results/DTB70/track-cpu results/DTB70/kcf
-  ope report --dataset dtb70 --root /data/DTB70 --out report.html results/DTB70/track-cpu results/DTB70/kcf
+  ope compare --dataset dtb70 --root DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
+  ope diagnose --dataset dtb70 --root DTB70 --out sheets results/DTB70/track-cpu results/DTB70/kcf
+  ope report --dataset dtb70 --root DTB70 --out page.html results/DTB70/track-cpu results/DTB70/kcf
   ope render --out flights --count 3 && ope run --dataset folder --root flights --out results
   ope export --to pysot --dataset dtb70 --results results/DTB70/track-cpu --out exported
 
@@ -94,8 +94,8 @@ pub struct RunArgs {
     pub out: PathBuf,
     /// Another tracker, by its command line or through the TraX protocol; this repository's tracker
     /// if absent.
-    #[arg(short, long, value_name = "COMMAND|trax:COMMAND", value_parser = ope::run::Program::parse)]
-    pub tracker: Option<ope::run::Program>,
+    #[arg(short, long, value_name = "COMMAND|trax:COMMAND", value_parser = Program::parse)]
+    pub tracker: Option<Program>,
     /// How long another tracker may take for a frame; by command line, for each of a sequence's
     /// frames [default: 60].
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "tracker")]
@@ -119,10 +119,11 @@ A tracker's command line may name
   {frames}  a text file with the path of each frame, a line each
   {folder}  the folder of the first frame
   {init}    the first frame's box: x,y,w,h
-  {out}     the file to write the boxes to, x,y,w,h a line; if it is not named, standard output is taken
+  {out}     the file to write the boxes to, x,y,w,h a line; standard output is read without it
   {times}   the file to write the seconds of each frame to, if it can
-and runs once per sequence, without a shell. After `trax:` it is a program that speaks the TraX protocol, version 1 to 4,
-and takes pictures by path; it is started once per sequence, and its times include its reading of the pictures.";
+and runs once per sequence, without a shell. After `trax:` it is a program that speaks the TraX
+protocol, version 1 to 4, and takes pictures by path. It is started once per sequence, and its times
+include its reading of the pictures.";
 
 /// `step`.
 #[derive(Debug, clap::Args)]
@@ -379,10 +380,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
     /// How many flights.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000).map(|n| n as usize))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = up_to::<10_000>)]
     pub count: usize,
     /// Frames in each.
-    #[arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(1..=100_000).map(|n| n as usize))]
+    #[arg(long, value_name = "N", default_value_t = 150, value_parser = up_to::<100_000>)]
     pub frames: usize,
     /// Width and height in pixels, at most 4096.
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = size)]
@@ -390,6 +391,11 @@ pub struct RenderArgs {
     /// How hard they are to follow: easy, medium or hard.
     #[arg(long, value_name = "LEVEL", default_value_t = Difficulty::Easy)]
     pub difficulty: Difficulty,
+}
+
+fn up_to<const MOST: usize>(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|n| (1..=MOST).contains(n));
+    number.ok_or_else(|| format!("expected a whole number from 1 to {MOST}"))
 }
 
 fn size(text: &str) -> Result<(usize, usize), String> {

@@ -33,9 +33,15 @@ fn json(args: &ScoreArgs, evaluation: &Evaluation, scores: &[Score]) -> String {
         let mut object = json!(score);
         object["fps"] = json!(evaluation.speed);
         if args.per_sequence {
-            object["per_sequence"] = score.per_sequence.iter().map(|(name, curves)| {
-                json!({"sequence": name, "precision": 100.0 * curves.precision(), "auc": 100.0 * curves.auc()})
-            }).collect();
+            object["per_sequence"] = score
+                .per_sequence
+                .iter()
+                .map(|(name, curves)| {
+                    let precision = 100.0 * curves.precision();
+                    let auc = 100.0 * curves.auc();
+                    json!({"sequence": name, "precision": precision, "auc": auc})
+                })
+                .collect();
         }
         object
     };
@@ -74,7 +80,8 @@ fn text(args: &ScoreArgs, evaluation: &Evaluation, scores: &[Score]) -> String {
     let mut text = format!("{}\n{table}", evaluation.tracker);
     if let Some(speed) = &evaluation.speed {
         text += &format!(
-            "FPS {:.1} (got10k: mean of 1/t per frame, then over {} sequences), {:.1} (frames / total time)\n",
+            "FPS {:.1} (got10k: mean of 1/t per frame, then over {} sequences), \
+             {:.1} (frames / total time)\n",
             speed.mean_of_rates, speed.sequences, speed.frames_per_time
         );
     }

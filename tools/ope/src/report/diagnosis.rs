@@ -63,8 +63,8 @@ pub fn sheets(
 /// Tables of shape and losses, then the sheets.
 pub fn section(diagnosis: &Diagnosis, sheets: &[Sheet]) -> String {
     let mut html = format!(
-        "<h2>Diagnosis</h2>\n<p>Shape counts the {} of {} visible frames in which every tracker is on \
-         the target (overlap of at least {}). A slope of 1 follows the target's changes since the \
+        "<h2>Diagnosis</h2>\n\
+         <p>Shape counts the {} of {} visible frames in which every tracker is on the target (overlap of at least {}). A slope of 1 follows the target's changes since the \
          first frame, 0 keeps the first frame's shape.</p>\n",
         diagnosis.common_frames,
         diagnosis.visible_frames,
@@ -113,15 +113,17 @@ pub fn section(diagnosis: &Diagnosis, sheets: &[Sheet]) -> String {
     html += &table(&header, &rows);
     html += &losses(diagnosis);
     if !sheets.is_empty() {
-        html += "<h3>The longest losses of the first tracker</h3>\n<p>The first frame, then the frames \
-                 around the loss. White: the annotation. Orange: the tracker.</p>\n\
+        html += "<h3>The longest losses of the first tracker</h3>\n\
+                 <p>The first frame, then the frames around the loss. \
+                 White: the annotation. Orange: the tracker.</p>\n\
                  <section class=\"failures\">\n";
         for Sheet { loss, jpeg } in sheets {
             let name = escape(&loss.pass);
             let _ = writeln!(
                 html,
                 "<figure><img alt=\"{name}\" src=\"data:image/jpeg;base64,{jpeg}\">\
-                 <figcaption><b>{name}</b>, frame {}: the box {}; lost for {} frames</figcaption></figure>",
+                 <figcaption><b>{name}</b>, frame {}: the box {}; lost for {} frames</figcaption>\
+                 </figure>",
                 loss.frame + 1,
                 loss.cause.words(),
                 loss.lost_for

@@ -25,9 +25,11 @@ pub fn page(
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n\
+         <link rel=\"icon\" href=\"data:,\">\n<title>{title}</title>\n<style>{}</style>\n\
+         </head>\n<body>\n<main>\n\
          <h1>{title}</h1>\n<p>{} trackers on {sequences} passes, counted by the rule <b>{}</b>. \
-         Precision is the rate of frames whose center is at most 20 pixels off, AUC the area under the success curve; \
+         Precision is the rate of frames whose center is at most 20 pixels off, \
+         AUC the area under the success curve; \
          a perfect tracker has an AUC of 95.2.</p>\n",
         include_str!("page.css"),
         comparison.trackers.len(),
@@ -188,7 +190,8 @@ fn pictures(comparison: &Comparison, failures: &[Failure]) -> String {
         return String::new();
     }
     let mut html = format!(
-        "<h2>Worst failures of {}</h2>\n<p>White dashes: the annotation. Colors: the trackers, as in the plots.</p>\n\
+        "<h2>Worst failures of {}</h2>\n\
+         <p>White dashes: the annotation. Colors: the trackers, as in the plots.</p>\n\
          <section class=\"failures\">\n",
         escape(&comparison.trackers[0].tracker)
     );
@@ -221,7 +224,8 @@ fn pictures(comparison: &Comparison, failures: &[Failure]) -> String {
             html,
             "<figure><svg viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{name}\">\
              <image href=\"data:image/jpeg;base64,{}\" width=\"{w}\" height=\"{h}\"/>{marks}</svg>\
-             <figcaption><b>{name}</b>, frame {}: lost for {} of {} frames, AUC {:.1}</figcaption></figure>",
+             <figcaption><b>{name}</b>, frame {}: lost for {} of {} frames, AUC {:.1}</figcaption>\
+             </figure>",
             failure.jpeg,
             failure.frame + 1,
             failure.lost,

@@ -94,7 +94,7 @@ fn failures_are_told_and_the_others_run() {
     let folder = Folder::new("run");
     let (mut sequences, out) = (sequences(&folder), folder.path().join("out"));
     sequences[0].annotation.boxes[0].w = f64::NAN;
-    let command = "sh -c 'case {folder} in */b) echo {init};; *) echo {init}; echo {init}; echo {init};; esac'";
+    let command = "sh -c 'echo {init}; case {folder} in */b);; *) echo {init}; echo {init};; esac'";
     let (done, told) = run_command(&sequences, "1/1", command, &out);
     assert_eq!(done, Err("2 of 3 sequences failed, as told above".into()));
     assert!(

@@ -232,7 +232,8 @@ fn root_without_sequences_is_refused() {
         .load(folder.path(), &mut Notes::default())
         .unwrap_err()
         .to_string();
-    let expected = "expected pictures of DTB70, found none (DTB70: it has 70 sequences, 1 are here; \
+    let expected = "expected pictures of DTB70, found none \
+                    (DTB70: it has 70 sequences, 1 are here; \
                     a: left out: no pictures in a/img, a/imgs, a/color or a)";
     assert!(error.ends_with(expected), "{error}");
 }

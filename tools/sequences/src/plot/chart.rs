@@ -76,7 +76,8 @@ pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
             let _ = writeln!(
                 svg,
                 "<circle cx=\"{x}\" cy=\"{y}\" r=\"6\" fill=\"{}\"/>\
-                 <text x=\"{x}\" y=\"{y}\" dx=\"{offset}\" dy=\"-7\" text-anchor=\"{anchor}\">{}</text>",
+                 <text x=\"{x}\" y=\"{y}\" dx=\"{offset}\" dy=\"-7\" \
+                 text-anchor=\"{anchor}\">{}</text>",
                 color(i),
                 escape(&point.label)
             );
@@ -125,7 +126,8 @@ pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
         let value = |i: usize| line.points.get(i).map_or(0.0, |p| p.1);
         let _ = writeln!(
             svg,
-            "<polygon points=\"{}\" fill=\"{1}\" fill-opacity=\"0.08\" stroke=\"{1}\" stroke-width=\"2\"/>",
+            "<polygon points=\"{}\" fill=\"{1}\" fill-opacity=\"0.08\" \
+             stroke=\"{1}\" stroke-width=\"2\"/>",
             ring(&value),
             color(s)
         );
@@ -139,7 +141,8 @@ fn open(title: &str) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
          font-family=\"system-ui, sans-serif\" font-size=\"12\" fill=\"currentColor\">\n\
          <style>.grid {{ stroke: currentColor; stroke-opacity: 0.18 }}</style>\n\
-         <title>{0}</title>\n<text x=\"{1}\" y=\"22\" text-anchor=\"middle\" font-size=\"15\">{0}</text>\n",
+         <title>{0}</title>\n\
+         <text x=\"{1}\" y=\"22\" text-anchor=\"middle\" font-size=\"15\">{0}</text>\n",
         escape(title),
         WIDTH / 2.0
     )
@@ -234,7 +237,8 @@ fn legend(svg: &mut String, series: &[Series], x: f64, y: f64) {
     let height = 17.0 * series.len() as f64 + 6.0;
     let _ = writeln!(
         svg,
-        "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" rx=\"4\" fill=\"Canvas\" fill-opacity=\"0.8\"/>",
+        "<rect x=\"{}\" y=\"{}\" width=\"{width}\" height=\"{height}\" rx=\"4\" \
+         fill=\"Canvas\" fill-opacity=\"0.8\"/>",
         x - 6.0,
         y - 15.0
     );
@@ -242,7 +246,8 @@ fn legend(svg: &mut String, series: &[Series], x: f64, y: f64) {
         let y = y + 17.0 * i as f64;
         let _ = writeln!(
             svg,
-            "<rect x=\"{x}\" y=\"{}\" width=\"18\" height=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"{y}\">{}</text>",
+            "<rect x=\"{x}\" y=\"{}\" width=\"18\" height=\"4\" fill=\"{}\"/>\
+             <text x=\"{}\" y=\"{y}\">{}</text>",
             y - 6.0,
             color(i),
             x + 24.0,
