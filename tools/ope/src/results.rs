@@ -79,9 +79,8 @@ impl Results {
             format!("{sequence}/{sequence}_001.txt"),
             format!("{sequence}/{sequence}.txt"),
         ];
-        self.first(&names)
-            .map(|path| text::read_boxes(&path))
-            .transpose()
+        let path = self.first(&names);
+        Ok(path.map(|path| text::read_boxes(&path)).transpose()?)
     }
 
     /// The seconds of each frame of a sequence; `None` if there is no file of it.
@@ -94,9 +93,8 @@ impl Results {
             format!("{sequence}_time.txt"),
             format!("{sequence}/{sequence}_time.txt"),
         ];
-        self.first(&names)
-            .map(|path| text::read_numbers(&path))
-            .transpose()
+        let path = self.first(&names);
+        Ok(path.map(|path| text::read_numbers(&path)).transpose()?)
     }
 
     /// The sequences that there are files `<sequence>.txt` of.

@@ -199,7 +199,7 @@ mod tests {
             let frames = pass
                 .frames
                 .iter()
-                .map(|f| f.to_string_lossy().parse().unwrap());
+                .map(|f| f.to_string_lossy().parse::<f64>().unwrap());
             assert!(pass.annotation.boxes.iter().map(|b| b.x).eq(frames));
             let present = pass.annotation.present.as_ref().map(Vec::len);
             assert_eq!(present, Some(pass.frames.len()));

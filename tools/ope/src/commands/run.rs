@@ -43,7 +43,7 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
     eprintln!("{ran} sequences run, results in {}", folder.display());
     if ran > 0 && jobs.get() > 1 {
         eprintln!(
-            "note: {jobs} sequences ran at a time, which slows each: use --jobs 1 for times to quote"
+            "note: {jobs} sequences ran at a time, which slows each: times to quote need --jobs 1"
         );
     }
     Ok(())

@@ -13,8 +13,9 @@ mod session;
 pub use command::CommandLine;
 pub use merge::merge;
 
-use crate::error::{Error, brief};
+use crate::error::Error;
 use crate::results::Results;
+use sequences::error::brief;
 use sequences::{Rect, Sequence};
 use std::num::NonZeroUsize;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Annotated videos as training and validation use them.
 //!
-//! The `sequences` crate finds and reads them. Frames without a usable box become `None` here, and so
-//! do frames whose box lies outside the picture.
+//! The `sequences` crate finds and reads them. Frames without a usable box become `None` here, and
+//! so do frames whose box lies outside the picture.
 
 use super::skipped::Skipped;
 use crate::error::Error;
