@@ -100,15 +100,18 @@ fn moving() -> Vec<Rect> {
         .collect()
 }
 
-/// The target's boxes, from frame 15 on as `change` makes them of the frame and the true box.
-fn lost_by(change: fn(usize, Rect) -> Rect) -> Vec<Rect> {
+/// Makes the box of a frame from its number and the true box.
+type Change = fn(usize, Rect) -> Rect;
+
+/// The target's boxes, from frame 15 on changed.
+fn lost_by(change: Change) -> Vec<Rect> {
     let changed = |(i, rect)| if i < 15 { rect } else { change(i, rect) };
     moving().into_iter().enumerate().map(changed).collect()
 }
 
 #[test]
 fn losses_are_named_after_what_the_box_did() {
-    let cases: [(Cause, fn(usize, Rect) -> Rect); 6] = [
+    let cases: [(Cause, Change); 6] = [
         (Cause::NoBox, |_, _| Rect::NONE),
         (Cause::Jumped, |_, t| {
             Rect::new(t.x, t.y + 200.0, 20.0, 20.0)
