@@ -2,9 +2,8 @@
 
 use crate::draw::Show;
 use crate::flight::RATE;
+use crate::raster::Bounds;
 use crate::{Difficulty, Flight, FlightConfig, FrameBuffer, TargetKind, TruthBox};
-
-const ALL: [Difficulty; 3] = [Difficulty::Easy, Difficulty::Medium, Difficulty::Hard];
 
 fn config(seed: u64, difficulty: Difficulty) -> FlightConfig {
     FlightConfig {
@@ -102,7 +101,7 @@ fn changed(flight: &Flight, index: usize) -> Option<(Bounds, usize)> {
 fn true_box_bounds_the_pixels_that_the_target_changes() {
     let mut checked = 0;
     for seed in 0..60 {
-        let flight = Flight::unpainted(config(seed, ALL[seed as usize % 3]));
+        let flight = Flight::unpainted(config(seed, Difficulty::ALL[seed as usize % 3]));
         for index in [0, 20, 75] {
             let (_, truth) = flight.draw(
                 flight.seconds(index),
@@ -263,7 +262,7 @@ fn first_frame_shows_the_whole_target_at_a_usable_size() {
     for seed in 0..200 {
         let flight = Flight::unpainted(FlightConfig {
             frames: 150,
-            ..config(seed, ALL[seed as usize % 3])
+            ..config(seed, Difficulty::ALL[seed as usize % 3])
         });
         let (_, truth) = flight.draw(
             0.0,
@@ -304,7 +303,7 @@ fn extreme_sizes_and_seeds_render() {
         (0, 7),
     ];
     let mut frame = FrameBuffer::default();
-    for difficulty in ALL {
+    for difficulty in Difficulty::ALL {
         for seed in 0..50 {
             let (width, height) = sizes[seed as usize % sizes.len()];
             let seed = if seed % 10 == 9 {
