@@ -1,12 +1,18 @@
 //! What the sub-commands do.
 
 use crate::args;
+use clap::Parser;
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::path::Path;
+use std::process::Command;
 use std::sync::Arc;
 use trainer::Error;
 use trainer::calibrate::calibrate;
 use trainer::data::Dataset;
-use trainer::fit::{Fit, RunOptions, compute};
+use trainer::fit::{Claim, Fit, RunOptions, compute, refuse_used};
 use trainer::prune::{Ranks, prune as prune_by_rank};
+use trainer::queue::{self, Entry, State};
 use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
 use trainer::tune::{SHARES, correction, over_sequences};
 use trainer::validate::Validation;
@@ -14,6 +20,9 @@ use weights_format::{Storage, TrackerParams, Weights};
 
 /// `fit`.
 pub fn fit(args: &args::Fit) -> Result<(), Error> {
+    if args.resume.is_none() && !args.overwrite {
+        refuse_used(&args.out)?;
+    }
     let run = args
         .behavior
         .run_options(&args.out, args.validate_minutes)?;
@@ -37,9 +46,100 @@ pub fn fit(args: &args::Fit) -> Result<(), Error> {
         }
     }
     let dataset = dataset_of(&fit)?;
+    let claim = Claim::new(&run.out)?;
+    if args.overwrite {
+        claim.clear()?;
+    }
     fit.run(dataset, &run)?;
     println!("{}", run.out.join("weights.safetensors").display());
     Ok(())
+}
+
+/// `queue`.
+pub fn queue(args: &args::Queue) -> Result<(), Error> {
+    let read = || -> Result<Vec<(Entry, args::Fit)>, Error> {
+        let entries = queue::read(&args.list, &args.out)?;
+        let with_options = |entry: Entry| {
+            let options = options_of(&entry, &args.list)?;
+            Ok((entry, options))
+        };
+        entries.into_iter().map(with_options).collect()
+    };
+    let table = |runs: &[(Entry, args::Fit)]| {
+        let entries: Vec<_> = runs.iter().map(|(entry, _)| entry.clone()).collect();
+        queue::table(&entries)
+    };
+    if args.status {
+        print!("{}", table(&read()?));
+        return Ok(());
+    }
+    yield_to_others();
+    let mut failed = BTreeSet::new();
+    // The list is read before each run: it may have grown.
+    loop {
+        let runs = read()?;
+        eprint!("{}", table(&runs));
+        let next = runs
+            .iter()
+            .find(|(entry, _)| entry.state() != State::Finished && !failed.contains(&entry.name));
+        let Some((entry, options)) = next else { break };
+        eprintln!("{}", entry.name);
+        if let Err(error) = fit(options) {
+            eprintln!("{}: error: {error}", entry.name);
+            failed.insert(entry.name.clone());
+        }
+    }
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let names: Vec<_> = failed.into_iter().collect();
+    Err(Error::File {
+        path: args.list.clone(),
+        expected: "runs that come to their end".into(),
+        found: format!("errors in {}", names.join(", ")),
+    })
+}
+
+/// Options of a run of a list; those of a run that has begun continue it.
+fn options_of(entry: &Entry, list: &Path) -> Result<args::Fit, Error> {
+    let begin = ["train", "fit", "--out"].map(OsString::from);
+    let words = begin
+        .into_iter()
+        .chain([entry.folder.clone().into_os_string()])
+        .chain(entry.options.iter().map(OsString::from));
+    let wrong = |found: String| Error::File {
+        path: list.into(),
+        expected: format!("options of `train fit` behind {}", entry.name),
+        found,
+    };
+    let mut options = match args::Args::try_parse_from(words).map(|args| args.command) {
+        Ok(args::Command::Fit(options)) => *options,
+        Ok(_) => return Err(wrong("another command".into())),
+        Err(error) => {
+            let text = error.to_string();
+            let first = text.lines().next().unwrap_or_default();
+            return Err(wrong(first.trim_start_matches("error: ").into()));
+        }
+    };
+    if options.resume.is_some() || options.overwrite {
+        return Err(wrong("--resume or --overwrite".into()));
+    }
+    if entry.state() == State::Begun {
+        options.resume = Some(entry.checkpoint());
+        options.init = None;
+    }
+    Ok(options)
+}
+
+/// Gives this process the lowest priority, where the system has `renice`.
+fn yield_to_others() {
+    let process = std::process::id().to_string();
+    let renice = Command::new("renice")
+        .args(["-n", "19", "-p", &process])
+        .output();
+    if !renice.is_ok_and(|output| output.status.success()) {
+        eprintln!("the priority stays as it is: renice failed");
+    }
 }
 
 /// `prune`.

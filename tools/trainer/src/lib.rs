@@ -6,6 +6,7 @@
 //! | the network in training, its losses, first values, folding | [`network`] |
 //! | the loop, checkpoints, ways in and out of files | [`fit`] |
 //! | accuracy, with the real tracker | [`validate`] |
+//! | runs one after another | [`queue`] |
 //! | smaller networks by rank | [`prune`] |
 //! | runs that are compared: ratios, parts of the method | [`study`] |
 //! | pictures of all that | [`show`] |
@@ -18,6 +19,7 @@ pub mod error;
 pub mod fit;
 pub mod network;
 pub mod prune;
+pub mod queue;
 pub mod rng;
 pub mod show;
 pub mod study;

@@ -28,6 +28,7 @@ fn main() -> ExitCode {
 fn run(args: Args) -> Result<(), Error> {
     match args.command {
         Command::Fit(args) => commands::fit(&args),
+        Command::Queue(args) => commands::queue(&args),
         Command::Prune(args) => commands::prune(&args),
         Command::Sweep(args) => commands::sweep(&args),
         Command::Ablate(args) => commands::ablate(&args),

@@ -55,6 +55,11 @@ impl Rng {
         self.unit() < p
     }
 
+    /// Whether something of probability `p` happens; draws no bits where `p` is 0, so that samples of older options stay.
+    pub fn sometimes(&mut self, p: f32) -> bool {
+        p > 0.0 && self.chance(p)
+    }
+
     /// One of some; there is at least one.
     pub fn pick<'a, T>(&mut self, from: &'a [T]) -> &'a T {
         &from[self.below(from.len())]

@@ -73,6 +73,13 @@ const TINY: [&str; 14] = [
     "2",
 ];
 
+/// Options of a tiny network and a run of that many steps.
+fn tiny(steps: &str) -> Vec<&str> {
+    let mut options = TINY.to_vec();
+    options[3] = steps;
+    options
+}
+
 #[test]
 fn a_killed_run_goes_on_to_the_same_weights() {
     let folder = Folder::new("resume");
@@ -165,6 +172,113 @@ fn a_killed_run_goes_on_to_the_same_weights() {
 }
 
 #[test]
+fn used_folder_is_refused_without_resume_or_overwrite() {
+    let folder = Folder::new("used");
+    let (data, out) = (folder.at("boxes.csv"), folder.at("run"));
+    let fit = |seed: &str, more: &[&str]| {
+        train(&["fit", "--data", &data, "--out", &out, "--seed", seed])
+            .args(tiny("2"))
+            .args(more)
+            .output()
+            .unwrap()
+    };
+    let end = || std::fs::read(Path::new(&out).join("final.safetensors")).unwrap();
+    succeed(&fit("1", &[]));
+    let first = end();
+
+    let refused = fit("2", &[]);
+    let after_refusal = end();
+    let overwritten = fit("2", &["--overwrite"]);
+
+    let message = text(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{message}");
+    assert!(
+        message.contains("--resume") && message.contains("--overwrite"),
+        "{message}"
+    );
+    assert!(after_refusal == first, "the first run's result is touched");
+    succeed(&overwritten);
+    assert!(end() != first);
+}
+
+#[test]
+fn killed_queue_continues_and_finishes_every_run() {
+    let folder = Folder::new("queue");
+    let (data, list, out) = (folder.at("boxes.csv"), folder.at("list"), folder.at("runs"));
+    let lines = format!(
+        "a --data {data} {} --checkpoint-minutes 0\nb --data {data} {} --init @a\n",
+        tiny("30").join(" "),
+        tiny("3").join(" ")
+    );
+    std::fs::write(&list, lines).unwrap();
+    let queue = |more: &[&str]| {
+        let mut command = train(&["queue", &list, "--out", &out]);
+        command.args(more);
+        command
+    };
+    let at = |name: &str| Path::new(&out).join(name);
+
+    let mut child = queue(&[])
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !at("a/checkpoint.safetensors").exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "no checkpoint");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!at("a/final.safetensors").exists(), "killed too late");
+    let stopped = queue(&["--status"]).output().unwrap();
+    succeed(&queue(&[]).output().unwrap());
+    let status = queue(&["--status"]).output().unwrap();
+
+    let states = |output: &Output| -> Vec<String> {
+        let text = text(&output.stdout);
+        let state = |line: &str| {
+            line.split_whitespace()
+                .nth(1)
+                .unwrap_or_default()
+                .to_owned()
+        };
+        text.lines().skip(1).map(state).collect()
+    };
+    assert_eq!(states(&stopped), ["begun", "waiting"]);
+    assert_eq!(states(&status), ["finished", "finished"]);
+    let read = |name: &str| Weights::read(&at(name)).unwrap();
+    assert_eq!(
+        read("a/weights.safetensors").header.provenance.notes["steps"],
+        "30"
+    );
+    assert_eq!(
+        read("b/weights.safetensors").header.provenance.notes["steps"],
+        "3"
+    );
+}
+
+#[test]
+fn queue_with_a_wrong_line_is_refused_before_anything_runs() {
+    let folder = Folder::new("wrong-queue");
+    let (data, list, out) = (folder.at("boxes.csv"), folder.at("list"), folder.at("runs"));
+    for (line, message) in [
+        ("a --steps many", "--steps"),
+        ("a --resume x", "--resume"),
+        ("a --out x", "--out"),
+        ("/a --steps 1", "a name"),
+    ] {
+        std::fs::write(&list, format!("good --data {data} --steps 1\n{line}\n")).unwrap();
+
+        let output = train(&["queue", &list, "--out", &out]).output().unwrap();
+
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(4), "{stderr}");
+        assert!(stderr.contains(message), "{line:?} says {stderr:?}");
+        assert!(!Path::new(&out).exists());
+    }
+}
+
+#[test]
 fn what_makes_no_sense_is_refused() {
     let folder = Folder::new("refused");
     let (data, out) = (folder.at("boxes.csv"), folder.at("out"));
@@ -201,7 +315,7 @@ fn what_makes_no_sense_is_refused() {
         (
             &["fit", "--out", &out, "--data", &data, "--augment", "wild"],
             2,
-            "none, light or strong",
+            "none, light, strong or shape",
         ),
         (
             &["fit", "--out", &out, "--data", &data, "--minutes", "NaN"],
@@ -338,7 +452,7 @@ fn bad_data_are_named_and_counted() {
         .map(|line| format!("{line}\n"))
         .collect();
     std::fs::write(&bad, only).unwrap();
-    let output = fit(&["--data", &bad]);
+    let output = fit(&["--data", &bad, "--overwrite"]);
     assert!(
         text(&output.stderr).contains("readable picture, found none (4 skipped)"),
         "{}",

@@ -17,9 +17,13 @@ pub struct Data {
     /// Decides everything random
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// What is changed about the crops: none, light or strong
+    /// Changes between the crops of a pair: none, light, strong, or shape (stretch, bent targets, touching neighbors)
     #[arg(long, default_value = "strong")]
     pub augment: String,
+    /// How much more often a second frame is drawn that shows the target in another aspect or size, or much later
+    /// [default: 3 with --augment shape, else 0: all frames alike]
+    #[arg(long)]
+    pub variety: Option<f32>,
     /// Share of pairs whose template is another target's
     #[arg(long, default_value_t = 0.1)]
     pub negatives: f32,
@@ -44,7 +48,13 @@ impl Data {
     /// How pairs are made.
     pub fn options(&self) -> Result<DataOptions, Error> {
         let augment = Augment::from_name(&self.augment)
-            .ok_or_else(|| wrong("--augment", "none, light or strong", &self.augment))?;
+            .ok_or_else(|| wrong("--augment", "none, light, strong or shape", &self.augment))?;
+        let variety = self
+            .variety
+            .unwrap_or(if self.augment == "shape" { 3.0 } else { 0.0 });
+        if !(0.0..=100.0).contains(&variety) {
+            return Err(wrong("--variety", "0 to 100", &variety));
+        }
         if !(0.0..=1.0).contains(&self.negatives) {
             return Err(wrong("--negatives", "a share from 0 to 1", &self.negatives));
         }
@@ -58,6 +68,7 @@ impl Data {
             rules: PairRules {
                 max_gap: self.max_gap,
                 compat: self.compat,
+                variety,
                 ..PairRules::default()
             },
             cache_bytes: (self.cache_gib * f64::from(1 << 30)) as usize,

@@ -26,6 +26,8 @@ pub struct Args {
 pub enum Command {
     /// Train a network, from nothing or from a checkpoint
     Fit(Box<Fit>),
+    /// Train the runs of a list one after another, and continue those that were stopped
+    Queue(Queue),
     /// Make a network smaller: filters whose feature maps have low rank go
     Prune(Box<Prune>),
     /// Prune to several ratios, train each on, and compare
@@ -55,6 +57,9 @@ pub struct Fit {
     /// Go on with the run of this checkpoint; everything but the run's behavior comes from it
     #[arg(long, value_name = "CKPT", conflicts_with_all = ["data", "init"])]
     pub resume: Option<PathBuf>,
+    /// Remove the results of an earlier run from the folder; without, a folder with results is refused
+    #[arg(long, conflicts_with = "resume")]
+    pub overwrite: bool,
     /// Begin with the parameters of this file (a checkpoint, a weights file, or what `convert --to trainer` wrote), as far
     /// as they fit; the network has its widths and encoder unless --ratio says otherwise
     #[arg(long, value_name = "FILE")]
@@ -66,6 +71,19 @@ pub struct Fit {
     /// Minutes of training between validations
     #[arg(long, default_value_t = 30.0, help_heading = "Run")]
     pub validate_minutes: f64,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Queue {
+    /// The list: a line per run with its name and options of `train fit`; `#` begins a comment, and @NAME stands for the end
+    /// of an earlier run. Lines that are added later are read after the present run
+    pub list: PathBuf,
+    /// The folder in which each run has a folder of its name
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Only print what each run has done
+    #[arg(long)]
+    pub status: bool,
 }
 
 #[derive(Debug, clap::Args)]

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Strengths and probabilities of all changes; those that older checkpoints do not name are 0. The presets are
-/// [`none`](Self::none) (spec section 3.2 and nothing else), [`light`](Self::light) and [`strong`](Self::strong).
+/// Strengths and probabilities of all changes; those that older checkpoints do not name are 0.
+///
+/// The presets are [`none`](Self::none), [`light`](Self::light), [`strong`](Self::strong) and [`shape`](Self::shape).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Augment {
     /// Reach of the logarithm of the search crop's scale.
@@ -54,10 +55,40 @@ pub struct Augment {
     pub round: f32,
     /// Probability of something pasted over a part of the target.
     pub occluder: f32,
+    /// Probability that the search crop is stretched by up to `stretch` and sheared by up to `shear`.
+    #[serde(default)]
+    pub stretched: f32,
+    /// Reach of the logarithm of that stretch: widths times it, heights divided by it.
+    #[serde(default)]
+    pub stretch: f32,
+    /// Reach of that shear, in pixels to the side per pixel down.
+    #[serde(default)]
+    pub shear: f32,
+    /// Largest share of a side that angle and shear may add to the other side of a box; 0 for no bound.
+    #[serde(default)]
+    pub slant: f32,
+    /// Probability that a made-up target changes its outline and stretch between the pictures.
+    #[serde(default)]
+    pub bend: f32,
+    /// Share of pasted look-alikes that cover a part of the target.
+    #[serde(default)]
+    pub overlap: f32,
+    /// Share of pasted look-alikes that stand directly beside the target.
+    #[serde(default)]
+    pub adjacent: f32,
+    /// Share of pasted look-alikes that are the target itself in plainly other colors.
+    #[serde(default)]
+    pub twin: f32,
+    /// Probability that a patch of background hides a part of the target.
+    #[serde(default)]
+    pub mask: f32,
+    /// Probability that a shadow begins at the target's edge.
+    #[serde(default)]
+    pub shadow: f32,
 }
 
 impl Augment {
-    /// Only scale and place vary (spec section 3.2).
+    /// Only scale and place vary, as in SiamFC++.
     pub const fn none() -> Augment {
         Augment {
             scale: 0.262, // ln 1.3
@@ -82,10 +113,20 @@ impl Augment {
             beside: 0.0,
             round: 0.0,
             occluder: 0.0,
+            stretched: 0.0,
+            stretch: 0.0,
+            shear: 0.0,
+            slant: 0.0,
+            bend: 0.0,
+            overlap: 0.0,
+            adjacent: 0.0,
+            twin: 0.0,
+            mask: 0.0,
+            shadow: 0.0,
         }
     }
 
-    /// Mild: for much and varied data.
+    /// Mild changes, for much and varied data.
     pub const fn light() -> Augment {
         Augment {
             mirror: 0.5,
@@ -110,7 +151,7 @@ impl Augment {
         }
     }
 
-    /// Everything: for little data.
+    /// Every photometric change, for little data.
     pub const fn strong() -> Augment {
         Augment {
             mirror: 0.5,
@@ -137,12 +178,41 @@ impl Augment {
         }
     }
 
-    /// The preset of a name: `none`, `light` or `strong`.
+    /// Targets that change shape, and neighbors that touch or cover them; colors change less than in `strong`.
+    pub const fn shape() -> Augment {
+        Augment {
+            rotation: 5.0,
+            shared_color: 0.4,
+            own_color: 0.25,
+            side_light: 0.12,
+            gray: 0.18,
+            saturation: 0.2,
+            invert: 0.02,
+            low_resolution: 0.15,
+            distractors: 0.4,
+            beside: 0.5,
+            occluder: 0.06,
+            stretched: 0.4,
+            stretch: 0.3,
+            shear: 0.12,
+            slant: 0.2,
+            bend: 0.5,
+            overlap: 0.3,
+            adjacent: 0.25,
+            twin: 0.2,
+            mask: 0.1,
+            shadow: 0.08,
+            ..Augment::strong()
+        }
+    }
+
+    /// The preset of a name: `none`, `light`, `strong` or `shape`.
     pub fn from_name(name: &str) -> Option<Augment> {
         match name {
             "none" => Some(Augment::none()),
             "light" => Some(Augment::light()),
             "strong" => Some(Augment::strong()),
+            "shape" => Some(Augment::shape()),
             _ => None,
         }
     }

@@ -35,18 +35,20 @@ pub struct Pose {
     pub mirrored: bool,
 }
 
-/// What is different about a search crop, in crop pixels and factors.
+/// Random change of a search crop, in crop pixels and factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Jitter {
-    scale: f64, // of the target
-    aspect: f64,
-    angle: f64, // radians
+    scale: f64,  // of the target
+    aspect: f64, // factor of its width and divisor of its height
+    shear: f64,  // crop pixels to the side per crop pixel down
+    angle: f64,  // radians
     shift: [f64; 2],
 }
 
 const STILL: Jitter = Jitter {
     scale: 1.0,
     aspect: 1.0,
+    shear: 0.0,
     angle: 0.0,
     shift: [0.0; 2],
 };
@@ -67,7 +69,8 @@ impl Pose {
         };
         let across = if self.mirrored { -1.0 } else { 1.0 } / (scale * jitter.aspect);
         let down = jitter.aspect / scale;
-        [[cos * across, -sin * down], [sin * across, cos * down]]
+        let [[a, b], [c, d]] = [[cos * across, -sin * down], [sin * across, cos * down]];
+        [[a, b + a * jitter.shear], [c, d + c * jitter.shear]]
     }
 }
 
@@ -102,7 +105,10 @@ pub fn search(
     let BBox { w, h, .. } = view.bbox;
     let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE);
     for _ in 0..50 {
-        let jitter = jitter(size, still, augment, rng);
+        let mut jitter = jitter(size, still, augment, rng);
+        if augment.slant > 0.0 {
+            jitter = straighten(jitter, &view.bbox, pose, f64::from(augment.slant));
+        }
         let matrix = pose.matrix(scale * jitter.scale, &jitter);
         let corners = corners(&view.bbox, &matrix, jitter.shift, size);
         let inside = |v: &f32| (0.0..=(size - 1) as f32).contains(v);
@@ -167,11 +173,38 @@ fn jitter(size: usize, still: bool, augment: &Augment, rng: &mut Rng) -> Jitter 
         [spread(reach), spread(reach)],
     );
     let turned = rng.chance(0.6);
-    Jitter {
+    let mut jitter = Jitter {
         scale,
         aspect,
+        shear: 0.0,
         angle: if turned { angle } else { 0.0 },
         shift,
+    };
+    if rng.sometimes(augment.stretched) {
+        jitter.aspect = f64::from(rng.factor(augment.stretch));
+        jitter.shear = f64::from(rng.range(-augment.shear, augment.shear));
+    }
+    jitter
+}
+
+/// Halves angle and shear until the box of the ellipse is a tight one for every shape.
+///
+/// In a slanted picture the target's width adds to its height and the reverse, by an amount that depends on its unknown
+/// shape. `most` bounds that amount as a share of the side it adds to.
+fn straighten(mut jitter: Jitter, bbox: &BBox, pose: Pose, most: f64) -> Jitter {
+    for _ in 0..6 {
+        let cross = extents(bbox, &pose.matrix(1.0, &jitter))
+            .map(|[one, other]| one.min(other) / one.max(other).max(1e-9));
+        if cross.iter().all(|share| *share <= most) {
+            return jitter;
+        }
+        jitter.angle /= 2.0;
+        jitter.shear /= 2.0;
+    }
+    Jitter {
+        angle: 0.0,
+        shear: 0.0,
+        ..jitter
     }
 }
 
@@ -196,13 +229,22 @@ fn grid(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Grid {
     }
 }
 
-/// The target's box in the crop: that of the ellipse within its box, which a small turn changes as it changes most
-/// things' boxes, and a quarter turn exactly.
+/// What a box's width and height each contribute to its extent in the crop, times the matrix's determinant: across, then
+/// down.
+fn extents(bbox: &BBox, matrix: &Matrix) -> [[f64; 2]; 2] {
+    let [[a, b], [c, d]] = *matrix;
+    let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
+    [[d * w, b * h], [c * w, a * h]].map(|terms| terms.map(f64::abs))
+}
+
+/// The target's box in the crop: the box of the ellipse inscribed in the target's box.
+///
+/// The rule is exact for stretch, mirroring and quarter turns. For a small turn or shear it lies between the boxes of a
+/// rectangle and a diamond.
 fn corners(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Corners {
     let [[a, b], [c, d]] = *matrix;
     let determinant = a * d - b * c;
-    let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
-    let extent = [(d * w).hypot(b * h), (c * w).hypot(a * h)].map(|e| e / determinant.abs());
+    let extent = extents(bbox, matrix).map(|[one, other]| one.hypot(other) / determinant.abs());
     let middle = shift.map(|s| (side - 1) as f64 / 2.0 + s);
     let half = extent.map(|e| (e - 1.0) / 2.0);
     [
@@ -309,6 +351,67 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A black picture with a white ellipse inscribed in the box.
+    fn ellipse(bbox: BBox) -> View {
+        let mut view = view(bbox);
+        let picture = Arc::make_mut(&mut view.picture);
+        let center = bbox.center();
+        for (i, pixel) in picture.data.chunks_exact_mut(3).enumerate() {
+            let x = ((i % picture.width) as f32 + 0.5 - center.cx) / (bbox.w / 2.0);
+            let y = ((i / picture.width) as f32 + 0.5 - center.cy) / (bbox.h / 2.0);
+            pixel.fill(if x.hypot(y) <= 1.0 { 255 } else { 0 });
+        }
+        view
+    }
+
+    #[test]
+    fn stretched_and_sheared_target_keeps_a_tight_box() {
+        let augment = Augment {
+            stretched: 1.0,
+            ..Augment::shape()
+        };
+        let mut rng = Rng::new(4, 4, 4);
+        let (mut least, mut most) = (f32::MAX, f32::MIN);
+        for i in 0..300 {
+            let size = [[40.0, 40.0], [64.0, 20.0], [24.0, 60.0]][i % 3];
+            let bbox = BBox::new(70.0, 50.0, size[0], size[1]);
+            let pose = Pose {
+                quarters: (i % 4) as u8,
+                mirrored: i % 2 == 0,
+            };
+            let still = i % 5 == 0;
+
+            // The same random numbers for both, and so the same change.
+            let mut again = rng.clone();
+            let (round, corners) =
+                search(&ellipse(bbox), None, pose, 303, still, &augment, &mut again);
+            let (full, same) = search(&view(bbox), None, pose, 303, still, &augment, &mut rng);
+
+            assert_eq!(corners, same);
+            let extent = [corners[2] - corners[0] + 1.0, corners[3] - corners[1] + 1.0];
+            for (k, (found, expected)) in bright(&round, 303).iter().zip(corners).enumerate() {
+                let error = (found - expected).abs() / extent[k % 2];
+                assert!(error < 0.06, "ellipse: {found}, expected {expected}");
+            }
+            for (k, (found, expected)) in bright(&full, 303).iter().zip(corners).enumerate() {
+                let error = (found - expected).abs() / extent[k % 2];
+                assert!(error < 0.13, "rectangle: {found}, expected {expected}");
+            }
+            let change = (extent[0] / extent[1]).ln();
+            let sides = if pose.quarters % 2 == 0 {
+                size
+            } else {
+                [size[1], size[0]]
+            };
+            let change = change - (sides[0] / sides[1]).ln();
+            (least, most) = (least.min(change), most.max(change));
+        }
+        assert!(
+            least < -0.5 && most > 0.5,
+            "aspect changes by {least}..{most}"
+        );
     }
 
     #[test]

@@ -36,7 +36,7 @@ use augment::Augment;
 use flights::Flights;
 use geometry::{Corners, Pose, View};
 use pairs::PairRules;
-use paste::Cutout;
+use paste::{Crowd, Cutout};
 use picture::{Album, Picture, PictureId};
 use serde::{Deserialize, Serialize};
 use skipped::Skipped;
@@ -312,7 +312,8 @@ impl Dataset {
                 if rng.chance(self.options.augment.round) {
                     cutout = cutout.rounded(rng);
                 }
-                let (first, second) = paste::made_up_pair([&first, &second], &cutout, rng)?;
+                let bends = rng.sometimes(self.options.augment.bend);
+                let (first, second) = paste::made_up_pair([&first, &second], &cutout, bends, rng)?;
                 let distractors = *rng.pick(&[0, 0, 1, 1, 2, 3]);
                 Some(Pair {
                     first,
@@ -356,7 +357,9 @@ impl Dataset {
         Some(Cutout::random(&picture, aspect, side, rng))
     }
 
-    /// Puts distractors and an occluder into the second view, as often as the augmentation says.
+    /// Puts neighbors, an occluder, a mask and a shadow into the second view, as often as the augmentation says.
+    ///
+    /// The target's box stays: it is the extent of the target, also where that is covered.
     fn populate(&self, pair: &mut Pair, index: u64, rng: &mut Rng) {
         let augment = &self.options.augment;
         let mut count = pair.distractors;
@@ -364,23 +367,40 @@ impl Dataset {
             count = *rng.pick(&[1, 1, 2]);
         }
         let occluded = rng.chance(augment.occluder);
-        if count == 0 && !occluded {
+        let masked = rng.sometimes(augment.mask);
+        let shadowed = rng.sometimes(augment.shadow);
+        if count == 0 && !occluded && !masked && !shadowed {
             return;
         }
         let mut picture = Picture::clone(&pair.second.picture);
         let bbox = pair.second.bbox;
-        // A part are of the target's kind; of the others half are parts of pictures, half are other targets.
+        if shadowed {
+            paste::shadow(&mut picture, &bbox, rng);
+        }
+        if masked {
+            paste::mask(&mut picture, &pair.second.picture, &bbox, rng);
+        }
+        // A share are the target itself in other colors, a share of its kind; of the others half are parts of pictures
+        // and half are other targets.
         let target = pair.target;
         let next = |rng: &mut Rng| {
+            if rng.sometimes(augment.twin) {
+                return Some(Cutout::of(&pair.second, rng).recolored(rng));
+            }
             if let Some(view) = self.kin(target.filter(|_| rng.chance(augment.kin)), rng) {
                 return Some(Cutout::of(&view, rng));
             }
-            match self.material.is_empty() || rng.chance(0.5) {
-                true => Some(Cutout::of(&self.pair(index, rng).1.first, rng)),
-                false => self.cutout(&self.material, rng),
+            if self.material.is_empty() || rng.chance(0.5) {
+                Some(Cutout::of(&self.pair(index, rng).1.first, rng))
+            } else {
+                self.cutout(&self.material, rng)
             }
         };
-        paste::distractors(&mut picture, &bbox, count, next, rng);
+        let crowd = Crowd {
+            overlap: augment.overlap,
+            adjacent: augment.adjacent,
+        };
+        paste::distractors(&mut picture, &bbox, count, crowd, next, rng);
         if occluded && let Some(cutout) = next(rng) {
             paste::occlude(&mut picture, &bbox, &cutout, rng);
         }

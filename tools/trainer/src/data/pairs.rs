@@ -1,6 +1,6 @@
-//! Which two frames of a track make a pair (spec section 3.1).
+//! Which two frames of a track make a pair (docs/method.md, Training pairs).
 
-use super::tracks::Shot;
+use super::tracks::{Shot, running};
 use crate::rng::Rng;
 use serde::{Deserialize, Serialize};
 use track_cpu::BBox;
@@ -16,6 +16,9 @@ pub struct PairRules {
     pub max_aspect: f32,
     /// Smallest side of a box in pixels.
     pub min_side: f32,
+    /// How much more often a second frame is drawn that shows the target in another shape; 0 for all alike.
+    #[serde(default)]
+    pub variety: f32,
 }
 
 impl Default for PairRules {
@@ -25,6 +28,7 @@ impl Default for PairRules {
             compat: false,
             max_aspect: 10.0,
             min_side: 3.0,
+            variety: 0.0,
         }
     }
 }
@@ -36,7 +40,7 @@ impl PairRules {
         short >= self.min_side && long < self.max_aspect * short
     }
 
-    /// Two frames of a track, the first uniform, the second near it; a still with itself.
+    /// Two frames of a track, the first uniform, the second within the gap; a still is paired with itself.
     ///
     /// `shots` is in the order of time and not empty.
     pub fn draw(&self, rng: &mut Rng, shots: &[Shot]) -> (Shot, Shot) {
@@ -49,7 +53,24 @@ impl PairRules {
         };
         let start = shots.partition_point(|shot| shot.number < earliest);
         let end = shots.partition_point(|shot| shot.number <= latest);
-        (first, *rng.pick(&shots[start..end]))
+        let near = &shots[start..end];
+        if self.variety > 0.0 {
+            let weights = running(near.iter().map(|shot| self.weight(&first, shot)));
+            return (first, near[rng.weighted(&weights)]);
+        }
+        (first, *rng.pick(near))
+    }
+
+    /// Relative frequency of a second frame: 1 for the first frame itself, more the more the target's aspect, its size and
+    /// the time differ.
+    fn weight(&self, first: &Shot, second: &Shot) -> f64 {
+        let aspect = |shot: &Shot| f64::from(shot.bbox.w / shot.bbox.h).ln();
+        let area = |shot: &Shot| f64::from(shot.bbox.area()).ln();
+        let by_aspect = (aspect(first) - aspect(second)).abs().min(1.5);
+        let by_size = (area(first) - area(second)).abs().min(2.0);
+        let frames = f64::from(first.number.abs_diff(second.number));
+        let by_time = (frames / f64::from(self.max_gap.max(1))).min(1.0);
+        1.0 + f64::from(self.variety) * (2.0 * by_aspect + 0.25 * by_size + 0.5 * by_time)
     }
 }
 
@@ -97,6 +118,33 @@ mod tests {
         let gaps: Vec<_> = (0..2000).map(|_| gap(&compat, &mut rng)).collect();
         assert_eq!(gaps.iter().min(), Some(&-100));
         assert!(gaps.iter().max() > Some(&800));
+    }
+
+    #[test]
+    fn variety_prefers_another_aspect_and_a_later_frame() {
+        let mut shots = shots(0..40);
+        for shot in &mut shots[30..] {
+            shot.bbox.w *= 1.8; // the target spreads its arms
+        }
+        let rules = PairRules {
+            variety: 3.0,
+            ..PairRules::default()
+        };
+        let (mut spread, mut gap) = ([0.0; 2], [0.0; 2]);
+        let mut rng = Rng::new(5, 0, 0);
+
+        for _ in 0..4000 {
+            for (k, rules) in [PairRules::default(), rules].iter().enumerate() {
+                let (a, b) = rules.draw(&mut rng, &shots);
+                spread[k] += f64::from(u8::from(a.bbox.w != b.bbox.w)) / 4000.0;
+                gap[k] += f64::from(a.number.abs_diff(b.number)) / 4000.0;
+            }
+        }
+
+        // A quarter of the frames is spread: 2 * 1/4 * 3/4 of uniform pairs differ.
+        assert!((spread[0] - 0.375).abs() < 0.03, "{spread:?}");
+        assert!(spread[1] > 0.55, "{spread:?}");
+        assert!(gap[1] > 1.1 * gap[0], "{gap:?}");
     }
 
     #[test]

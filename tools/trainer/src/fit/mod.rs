@@ -4,6 +4,7 @@ mod batch;
 mod checkpoint;
 mod curves;
 mod export;
+mod folder;
 mod open;
 mod options;
 mod report;
@@ -13,6 +14,7 @@ mod tests;
 
 pub use batch::crops_of;
 pub use checkpoint::{Position, State, write_atomically};
+pub use folder::{Claim, refuse_used};
 pub use options::{Budget, FitOptions, OptimizerKind, standard};
 
 use crate::data::feed::Feed;
