@@ -391,13 +391,15 @@ mod tests {
 
             assert_eq!(corners, same);
             let extent = [corners[2] - corners[0] + 1.0, corners[3] - corners[1] + 1.0];
-            for (k, (found, expected)) in bright(&round, 303).iter().zip(corners).enumerate() {
-                let error = (found - expected).abs() / extent[k % 2];
-                assert!(error < 0.06, "ellipse: {found}, expected {expected}");
-            }
-            for (k, (found, expected)) in bright(&full, 303).iter().zip(corners).enumerate() {
-                let error = (found - expected).abs() / extent[k % 2];
-                assert!(error < 0.13, "rectangle: {found}, expected {expected}");
+            // A pixel of the picture is up to two pixels of the crop.
+            for (crop, name, share) in [(&round, "ellipse", 0.02), (&full, "rectangle", 0.09)] {
+                for (k, (found, expected)) in bright(crop, 303).iter().zip(corners).enumerate() {
+                    let error = (found - expected).abs();
+                    assert!(
+                        error < 2.2 + share * extent[k % 2],
+                        "{name} {bbox:?} {pose:?}: {found}, expected {expected}"
+                    );
+                }
             }
             let change = (extent[0] / extent[1]).ln();
             let sides = if pose.quarters % 2 == 0 {

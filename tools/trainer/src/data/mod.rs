@@ -493,3 +493,57 @@ impl Source {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Folder, pictures};
+
+    /// FNV-1a over the bytes and boxes of samples.
+    fn fingerprint(augment: Augment, count: u64) -> u64 {
+        let folder = Folder::new("fingerprint");
+        let boxes = pictures(&folder);
+        let specs = [
+            boxes.clone(),
+            format!("paste:{boxes}"),
+            format!("patches:{boxes}"),
+        ]
+        .map(|text| text.parse().unwrap());
+        let options = DataOptions {
+            seed: 3,
+            augment,
+            ..DataOptions::default()
+        };
+        let dataset = Dataset::open(&specs, options).unwrap();
+        let mut hash = 0xcbf2_9ce4_8422_2325;
+        let mut add = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        for index in 0..count {
+            let sample = dataset.sample(index, 191);
+            for crop in [&sample.template, &sample.search, &sample.again] {
+                crop.iter().copied().for_each(&mut add);
+            }
+            for corner in sample.corners {
+                corner
+                    .to_bits()
+                    .to_le_bytes()
+                    .into_iter()
+                    .for_each(&mut add);
+            }
+        }
+        hash
+    }
+
+    /// Checkpoints continue on the samples they would have seen: whatever makes samples faster keeps their bits.
+    #[test]
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))] // other systems round `powf` differently
+    fn presets_keep_the_bits_of_their_samples() {
+        let expected = [("none", 0), ("light", 0), ("strong", 0), ("shape", 0)];
+
+        let found = expected.map(|(name, _)| {
+            let augment = Augment::from_name(name).unwrap();
+            (name, fingerprint(augment, 60))
+        });
+
+        assert_eq!(found, expected);
+    }
+}
