@@ -463,10 +463,18 @@ fn bad_data_are_named_and_counted() {
     let bytes = std::fs::read(&checkpoint).unwrap();
     std::fs::write(&checkpoint, &bytes[..bytes.len() / 2]).unwrap();
     let checkpoint = checkpoint.display().to_string();
-    let data = folder.at("boxes.csv");
+    let (data, fresh) = (folder.at("boxes.csv"), folder.at("fresh"));
     for args in [
         &["fit", "--out", &out, "--resume", &checkpoint][..],
-        &["fit", "--out", &out, "--data", &data, "--init", &checkpoint],
+        &[
+            "fit",
+            "--out",
+            &fresh,
+            "--data",
+            &data,
+            "--init",
+            &checkpoint,
+        ],
         &["prune", &checkpoint, "--out", &out],
         &["export", &checkpoint, "--out", &out],
     ] {

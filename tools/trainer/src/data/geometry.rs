@@ -402,7 +402,7 @@ mod tests {
                 }
             }
             let change = (extent[0] / extent[1]).ln();
-            let sides = if pose.quarters % 2 == 0 {
+            let sides = if pose.quarters.is_multiple_of(2) {
                 size
             } else {
                 [size[1], size[0]]
