@@ -7,7 +7,7 @@
 //! drawn a little toward the motion before. The target's own cells are left out. Cost: a few million operations, whatever the
 //! frame's size.
 
-use crate::bbox::CenterBox;
+use crate::bbox::FrameBox;
 use crate::frame::Frame;
 
 /// Cells across the thumbnail.
@@ -70,9 +70,9 @@ impl Motion {
 
     /// The box moved with the picture. Its size stays: the ground grows as a camera flies toward it, a target that the camera
     /// follows does not (on rendered flights the two come apart by a factor of two in a hundred frames).
-    pub(crate) fn carry(&self, bbox: &CenterBox) -> CenterBox {
+    pub(crate) fn carry(&self, bbox: &FrameBox) -> FrameBox {
         let (cx, cy) = self.apply(bbox.cx.into(), bbox.cy.into());
-        CenterBox {
+        FrameBox {
             cx: cx as f32,
             cy: cy as f32,
             ..*bbox
@@ -194,7 +194,7 @@ impl CameraMotion {
     /// How the picture moved since the frame shown before, `without` a box of that earlier frame but with regard to its
     /// surroundings above all; no motion if there was
     /// none of that size, or if nothing fits better.
-    pub(crate) fn observe(&mut self, frame: &Frame<'_>, without: Option<&CenterBox>) -> Motion {
+    pub(crate) fn observe(&mut self, frame: &Frame<'_>, without: Option<&FrameBox>) -> Motion {
         std::mem::swap(&mut self.before, &mut self.now);
         std::mem::swap(&mut self.coarse_before, &mut self.coarse_now);
         self.now.take(frame);
@@ -226,7 +226,7 @@ impl CameraMotion {
     }
 
     /// The whole-cell shift of least mean absolute difference, in cells of the fine grid.
-    fn coarse_shift(&self, without: Option<&CenterBox>) -> (f64, f64) {
+    fn coarse_shift(&self, without: Option<&FrameBox>) -> (f64, f64) {
         let before = &self.coarse_before;
         let (columns, rows) = (before.columns as i32, before.rows as i32);
         let (reach_x, reach_y) = (REACH.min(columns / 3), REACH.min(rows / 3));
@@ -267,7 +267,7 @@ impl CameraMotion {
     }
 
     /// Gauss-Newton from a motion in cells. `None` if it runs away.
-    fn refine(&self, start: [f64; 4], without: Option<&CenterBox>) -> Option<Fit> {
+    fn refine(&self, start: [f64; 4], without: Option<&FrameBox>) -> Option<Fit> {
         let (before, now) = (&self.before, &self.now);
         let (mx, my) = (before.columns as f64 / 2.0, before.rows as f64 / 2.0);
         let hole = Hole::new(without, before.cell);
@@ -350,7 +350,7 @@ impl CameraMotion {
 struct Hole(Option<[f64; 4]>);
 
 impl Hole {
-    fn new(bbox: Option<&CenterBox>, cell: usize) -> Hole {
+    fn new(bbox: Option<&FrameBox>, cell: usize) -> Hole {
         Hole(bbox.map(|b| {
             let cell = cell as f64;
             let (w, h) = (0.6 * f64::from(b.w), 0.6 * f64::from(b.h));

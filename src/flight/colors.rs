@@ -7,7 +7,7 @@
 //! histograms (Comaniciu, Ramesh, Meer, "Kernel-based object tracking", PAMI 2003, section 3.2): the network hardly sees colors, which tell
 //! most objects of one kind apart.
 
-use crate::bbox::CenterBox;
+use crate::bbox::FrameBox;
 use crate::frame::Frame;
 
 /// Levels of red's share, of blue's, and of brightness.
@@ -43,14 +43,8 @@ pub(super) struct Colors {
 }
 
 impl Colors {
-    /// Forgets the target.
-    pub(super) fn clear(&mut self) {
-        self.target.clear();
-        self.view.clear();
-    }
-
     /// Learns from a frame in which the target is seen, with some `trust` in `[0, 1]`.
-    pub(super) fn learn(&mut self, frame: &Frame<'_>, bbox: &CenterBox, trust: f32) {
+    pub(super) fn learn(&mut self, frame: &Frame<'_>, bbox: &FrameBox, trust: f32) {
         let first = self.target.is_empty();
         let rate = if first { 1.0 } else { LEARNING * trust };
         self.usual = if first {
@@ -69,12 +63,12 @@ impl Colors {
 
     /// How far what is in a box has the target's colors, in `[0, 1]`: 1 if as far as the target itself does from one frame to the next; 0
     /// before anything was learned.
-    pub(super) fn likeness(&mut self, frame: &Frame<'_>, bbox: &CenterBox) -> f64 {
+    pub(super) fn likeness(&mut self, frame: &Frame<'_>, bbox: &FrameBox) -> f64 {
         (self.coefficient(frame, bbox) / self.usual.max(0.1)).min(1.0)
     }
 
     /// Bhattacharyya coefficient of a box's colors with the target's.
-    fn coefficient(&mut self, frame: &Frame<'_>, bbox: &CenterBox) -> f64 {
+    fn coefficient(&mut self, frame: &Frame<'_>, bbox: &FrameBox) -> f64 {
         self.here.clear();
         self.here.resize(COLORS, 0.0);
         count(frame, inner(bbox), TARGET_SAMPLES, 1.0, &mut self.here);
@@ -88,7 +82,7 @@ impl Colors {
     pub(super) fn hottest(
         &mut self,
         frame: &Frame<'_>,
-        size: &CenterBox,
+        size: &FrameBox,
         allowed: impl Fn(f32, f32) -> bool,
     ) -> Option<(f32, f32)> {
         if self.target.is_empty() {
@@ -149,7 +143,7 @@ impl Colors {
 }
 
 /// The part of a box that is looked at: left, top, width, height.
-fn inner(bbox: &CenterBox) -> (f32, f32, f32, f32) {
+fn inner(bbox: &FrameBox) -> (f32, f32, f32, f32) {
     let (w, h) = (INNER * bbox.w, INNER * bbox.h);
     (bbox.cx - 0.5 * w, bbox.cy - 0.5 * h, w, h)
 }
@@ -227,7 +221,7 @@ mod tests {
 
     #[test]
     fn the_hottest_place_has_the_targets_colors() {
-        let size = CenterBox {
+        let size = FrameBox {
             cx: 38.0,
             cy: 25.0,
             w: 16.0,
@@ -247,21 +241,18 @@ mod tests {
         let (x, y) = colors.hottest(&frame, &size, |x, _| x < 100.0).unwrap();
         assert!(near((x, y), (28.0, 45.0)), "{x} {y}");
         assert_eq!(colors.hottest(&frame, &size, |_, _| false), None);
-        let at = |cx: f32, cy: f32| CenterBox { cx, cy, ..size };
+        let at = |cx: f32, cy: f32| FrameBox { cx, cy, ..size };
         let [all, half, none] = [at(128.0, 65.0), at(28.0, 45.0), at(80.0, 20.0)]
             .map(|place| colors.likeness(&frame, &place));
         assert!(
             all > 0.99 && (0.6..0.8).contains(&half) && none == 0.0,
             "{all} {half} {none}"
         );
-        colors.clear();
-        assert_eq!(colors.likeness(&frame, &size), 0.0);
-        assert_eq!(colors.hottest(&frame, &size, |_, _| true), None);
     }
 
     #[test]
     fn colors_stay_themselves_in_the_shade() {
-        let size = CenterBox {
+        let size = FrameBox {
             cx: 38.0,
             cy: 25.0,
             w: 16.0,
@@ -281,7 +272,7 @@ mod tests {
         let shady = Frame::new(&shady, 160, 90, ChannelOrder::Rgb).unwrap();
         let [target, ground] = [
             size,
-            CenterBox {
+            FrameBox {
                 cx: 80.0,
                 cy: 60.0,
                 ..size
@@ -293,7 +284,7 @@ mod tests {
 
     #[test]
     fn gray_pictures_have_brightness_left() {
-        let size = CenterBox {
+        let size = FrameBox {
             cx: 38.0,
             cy: 25.0,
             w: 16.0,
@@ -305,12 +296,12 @@ mod tests {
             .collect();
         let frame = Frame::new(&halves, 160, 90, ChannelOrder::Gray).unwrap();
         colors.learn(&frame, &size, 1.0);
-        assert!(colors.likeness(&frame, &CenterBox { cx: 120.0, ..size }) < 0.3);
+        assert!(colors.likeness(&frame, &FrameBox { cx: 120.0, ..size }) < 0.3);
     }
 
     #[test]
     fn any_frame_will_do() {
-        let size = CenterBox {
+        let size = FrameBox {
             cx: 0.0,
             cy: 0.0,
             w: 500.0,

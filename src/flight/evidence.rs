@@ -1,32 +1,14 @@
 //! What speaks for and against a chosen box: numbers from the response, the identity-related features and the motion.
 
 use super::candidates::{self, Candidate, MAX_CANDIDATES, Peak};
-use crate::bbox::{CenterBox, CropBox};
+use crate::bbox::{CropBox, FrameBox};
 use crate::net::{Map, Network};
 use crate::tracker::{Seen, Selector};
 
-/// Pieces of evidence.
+/// Numbers in [`Evidence`].
 pub const COUNT: usize = 15;
 
-/// One name per piece of evidence, in the order of [`Evidence::values`].
-///
-/// | name | meaning |
-/// |---|---|
-/// | `score` | log-odds of the chosen cell's score |
-/// | `second` | best score of another object over this one's, at most 1 |
-/// | `sharpness` | logarithm of the average peak-to-correlation energy |
-/// | `agreement` | mean IoU of the neighboring cells' boxes with the chosen one |
-/// | `identity` | cosine of the identity-related features with the template's, both less the region's mean |
-/// | `likeness` | the same without taking the mean away |
-/// | `familiar` | cosine with what the target looked like when it was last seen well |
-/// | `margin` | `identity` less the best of the other candidates' |
-/// | `shape` | change of size and aspect that the network asks for |
-/// | `score_drop` | `score` less what it usually was |
-/// | `identity_drop` | `identity` less what it usually was |
-/// | `motion` | distance from the predicted place, in target sides |
-/// | `response` | what the online filter says; 0 without one |
-/// | `contrast` | `response` less the best of the other candidates' |
-/// | `colors` | how far the box has the target's colors, whose histogram is learned where it is surely seen |
+/// The names of the fields of [`Evidence`], in the order of [`Evidence::to_array`].
 pub const NAMES: [&str; COUNT] = [
     "score",
     "second",
@@ -45,33 +27,127 @@ pub const NAMES: [&str; COUNT] = [
     "colors",
 ];
 
-/// Where some of them are.
-const SCORE: usize = 0;
-const SECOND: usize = 1;
-const IDENTITY: usize = 4;
-const MARGIN: usize = 7;
-const RESPONSE: usize = 12;
-const CONTRAST: usize = 13;
-const COLORS: usize = 14;
-
 /// What speaks for and against a box; every number is finite and of moderate size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
-    /// In the order of [`NAMES`].
-    pub values: [f64; COUNT],
+    /// Log-odds of the chosen cell's score.
+    pub score: f64,
+    /// Best score of another object over this one's, at most 1.
+    pub second: f64,
+    /// Logarithm of the average peak-to-correlation energy of the score map.
+    pub sharpness: f64,
+    /// Mean IoU of the neighboring cells' boxes with the chosen one.
+    pub agreement: f64,
+    /// Cosine of the identity-related features with the template's, both less the region's mean.
+    pub identity: f64,
+    /// Cosine of the identity-related features with the template's.
+    pub likeness: f64,
+    /// Cosine with the target's appearance when it was last seen well.
+    pub familiar: f64,
+    /// `identity` less the best of the other candidates'.
+    pub margin: f64,
+    /// Change of size and aspect that the network asks for.
+    pub shape: f64,
+    /// `score` less its usual value.
+    pub score_drop: f64,
+    /// `identity` less its usual value.
+    pub identity_drop: f64,
+    /// Logarithm of the distance from the predicted place, in target sides.
+    pub motion: f64,
+    /// Response of the online filter; 0 without one.
+    pub response: f64,
+    /// `response` less the best of the other candidates'.
+    pub contrast: f64,
+    /// How far the box has the target's colors, in `[0, 1]`.
+    pub colors: f64,
 }
 
 impl Evidence {
-    /// How far the box has the target's colors, in `[0, 1]`.
-    pub(crate) fn colors(&self) -> f64 {
-        self.values[COLORS]
+    /// All numbers, in the order of [`NAMES`].
+    pub fn to_array(&self) -> [f64; COUNT] {
+        let Evidence {
+            score,
+            second,
+            sharpness,
+            agreement,
+            identity,
+            likeness,
+            familiar,
+            margin,
+            shape,
+            score_drop,
+            identity_drop,
+            motion,
+            response,
+            contrast,
+            colors,
+        } = *self;
+        [
+            score,
+            second,
+            sharpness,
+            agreement,
+            identity,
+            likeness,
+            familiar,
+            margin,
+            shape,
+            score_drop,
+            identity_drop,
+            motion,
+            response,
+            contrast,
+            colors,
+        ]
+    }
+
+    /// Replaces every number that is not finite by 0.
+    fn make_finite(&mut self) {
+        let Evidence {
+            score,
+            second,
+            sharpness,
+            agreement,
+            identity,
+            likeness,
+            familiar,
+            margin,
+            shape,
+            score_drop,
+            identity_drop,
+            motion,
+            response,
+            contrast,
+            colors,
+        } = self;
+        for value in [
+            score,
+            second,
+            sharpness,
+            agreement,
+            identity,
+            likeness,
+            familiar,
+            margin,
+            shape,
+            score_drop,
+            identity_drop,
+            motion,
+            response,
+            contrast,
+            colors,
+        ] {
+            if !value.is_finite() {
+                *value = 0.0;
+            }
+        }
     }
 }
 
 /// A box in frame pixels with its evidence.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finding {
-    pub bbox: CenterBox,
+    pub bbox: FrameBox,
     pub score: f32,
     pub evidence: Evidence,
 }
@@ -94,14 +170,6 @@ const SLIGHT: f64 = 0.02;
 const LEARNING: f32 = 0.05;
 
 impl Witness {
-    /// Forgets everything of an earlier target.
-    pub(crate) fn reset(&mut self) {
-        self.familiar.clear();
-        self.usual = None;
-        self.candidates.clear();
-        self.findings.clear();
-    }
-
     /// Judges the choice of the last search, and the other candidates; returns what speaks for the choice, `None` if there is none. Asked
     /// for by a box in frame pixels: its `motion`, which is its distance from where it was expected, and its `colors`.
     pub(crate) fn judge(
@@ -110,8 +178,8 @@ impl Witness {
         selector: &Selector,
         response: &[f32],
         seen: &Seen,
-        motion: impl Fn(&CenterBox) -> f64,
-        mut colors: impl FnMut(&CenterBox) -> f64,
+        motion: impl Fn(&FrameBox) -> f64,
+        mut colors: impl FnMut(&FrameBox) -> f64,
     ) -> Option<Finding> {
         self.candidates.clear();
         self.findings.clear();
@@ -143,27 +211,27 @@ impl Witness {
             };
             let score = log_odds(peak.score);
             let (usual_score, usual_identity) = self.usual.unwrap_or((score, identity));
-            let values = [
+            let evidence = Evidence {
                 score,
-                0.0, // `second`, `margin` and `contrast` follow, when all are known
+                second: 0.0, // of the whole set, once all are known
                 sharpness,
-                agreement(outputs, selector, peak),
+                agreement: agreement(outputs, selector, peak),
                 identity,
                 likeness,
                 familiar,
-                0.0,
-                shape(&peak.bbox, seen),
-                (score - usual_score).clamp(-6.0, 6.0),
-                identity - usual_identity,
-                motion(&bbox).min(20.0).ln_1p(),
-                peak.response.clamp(0.0, 1.0),
-                0.0,
-                colors(&bbox),
-            ];
+                margin: 0.0, // of the whole set
+                shape: shape(&peak.bbox, seen),
+                score_drop: (score - usual_score).clamp(-6.0, 6.0),
+                identity_drop: identity - usual_identity,
+                motion: motion(&bbox).min(20.0).ln_1p(),
+                response: peak.response.clamp(0.0, 1.0),
+                contrast: 0.0, // of the whole set
+                colors: colors(&bbox),
+            };
             self.findings.push(Finding {
                 bbox,
                 score: peak.score as f32,
-                evidence: Evidence { values },
+                evidence,
             });
         }
         self.peaks = peaks;
@@ -188,14 +256,11 @@ impl Witness {
                 identity = identity.max(candidate.similarity.into());
                 response = response.max(peak.response);
             }
-            let values = &mut finding.evidence.values;
-            values[SECOND] = (score / peaks[i].score.max(1e-6)).min(1.0);
-            values[MARGIN] = values[IDENTITY] - identity;
-            values[CONTRAST] = values[RESPONSE] - response.min(1.0);
-            values
-                .iter_mut()
-                .filter(|v| !v.is_finite())
-                .for_each(|v| *v = 0.0);
+            let evidence = &mut finding.evidence;
+            evidence.second = (score / peaks[i].score.max(1e-6)).min(1.0);
+            evidence.margin = evidence.identity - identity;
+            evidence.contrast = evidence.response - response.min(1.0);
+            evidence.make_finite();
         }
     }
 
@@ -208,7 +273,7 @@ impl Witness {
         for (old, new) in self.familiar.iter_mut().zip(&self.window) {
             *old += rate * (new - *old);
         }
-        let (score, identity) = (evidence.values[SCORE], evidence.values[IDENTITY]);
+        let (score, identity) = (evidence.score, evidence.identity);
         let (usual_score, usual_identity) = self.usual.get_or_insert((score, identity));
         *usual_score += f64::from(rate) * (score - *usual_score);
         *usual_identity += f64::from(rate) * (identity - *usual_identity);

@@ -5,7 +5,7 @@
 //! Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation", section 6.3 (white-noise acceleration).
 
 use super::camera::Motion;
-use crate::bbox::CenterBox;
+use crate::bbox::FrameBox;
 use std::f64::consts::TAU;
 
 /// Standard deviation of the acceleration, in target sides per frame squared.
@@ -76,7 +76,7 @@ pub(crate) struct Kalman {
 
 impl Kalman {
     /// A target that stands still.
-    pub(crate) fn new(bbox: &CenterBox) -> Kalman {
+    pub(crate) fn new(bbox: &FrameBox) -> Kalman {
         let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
         let side = (w * h).sqrt();
         let variance = [(MEASUREMENT * side).powi(2), 0.0, (0.1 * side).powi(2)];
@@ -114,7 +114,7 @@ impl Kalman {
     }
 
     /// Learns where the target was seen; the less `trust` in `(0, 1]`, the less it moves.
-    pub(crate) fn correct(&mut self, bbox: &CenterBox, trust: f64) {
+    pub(crate) fn correct(&mut self, bbox: &FrameBox, trust: f64) {
         self.agility += AGILITY_RATE * trust * (self.distance(bbox) - self.agility);
         // A half hidden target's box is off by a good part of its side.
         let variance = (MEASUREMENT * self.side() / trust.powi(2).clamp(0.01, 1.0)).powi(2);
@@ -123,7 +123,7 @@ impl Kalman {
     }
 
     /// Takes over the size of a box that was seen well.
-    pub(crate) fn resize(&mut self, bbox: &CenterBox) {
+    pub(crate) fn resize(&mut self, bbox: &FrameBox) {
         (self.w, self.h) = (bbox.w.into(), bbox.h.into());
     }
 
@@ -143,8 +143,8 @@ impl Kalman {
     }
 
     /// Where the target should be.
-    pub(crate) fn bbox(&self) -> CenterBox {
-        CenterBox {
+    pub(crate) fn bbox(&self) -> FrameBox {
+        FrameBox {
             cx: self.x.position as f32,
             cy: self.y.position as f32,
             w: self.w as f32,
@@ -164,7 +164,7 @@ impl Kalman {
 
     /// Log of how much likelier it is to find the target there than something that looks like it: by the distance from the
     /// prediction, which is mostly better than its variance says, sometimes as bad, and rarely of no use at all.
-    pub(crate) fn log_ratio(&self, bbox: &CenterBox) -> f64 {
+    pub(crate) fn log_ratio(&self, bbox: &FrameBox) -> f64 {
         let (d, spread) = (self.distance(bbox), self.spread());
         let density = |spread: f64| (-0.5 * (d / spread).powi(2)).exp() / (TAU * spread * spread);
         let usual = density((USUAL * spread).max(LEAST));
@@ -174,7 +174,7 @@ impl Kalman {
     }
 
     /// Distance of a center from the prediction, in target sides.
-    pub(crate) fn distance(&self, bbox: &CenterBox) -> f64 {
+    pub(crate) fn distance(&self, bbox: &FrameBox) -> f64 {
         let (dx, dy) = (
             f64::from(bbox.cx) - self.x.position,
             f64::from(bbox.cy) - self.y.position,
@@ -187,8 +187,8 @@ impl Kalman {
 mod tests {
     use super::*;
 
-    fn at(cx: f32, cy: f32) -> CenterBox {
-        CenterBox {
+    fn at(cx: f32, cy: f32) -> FrameBox {
+        FrameBox {
             cx,
             cy,
             w: 20.0,

@@ -1,46 +1,11 @@
 //! What goes into a [`FlightTracker`](super::FlightTracker) and what comes out.
 
+use super::state::State;
 use crate::bbox::BBox;
 use crate::config::TrackConfig;
 use crate::model::Model;
 use kernels::par::Cores;
 use std::time::Duration;
-
-/// How sure the tracker is of its target.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum State {
-    /// The box is on the target.
-    Tracking,
-    /// The box may be on the target.
-    LowConfidence,
-    /// The target is hidden; the box is predicted from its motion and the camera's.
-    Coasting,
-    /// The target is gone and searched for; the box is where it would be.
-    Lost,
-    /// The target has just been found again.
-    Reacquired,
-}
-
-impl State {
-    /// Whether the box rests on what was seen in this frame.
-    pub fn is_seen(self) -> bool {
-        matches!(
-            self,
-            State::Tracking | State::LowConfidence | State::Reacquired
-        )
-    }
-
-    /// A word for logs and protocols.
-    pub fn name(self) -> &'static str {
-        match self {
-            State::Tracking => "tracking",
-            State::LowConfidence => "low_confidence",
-            State::Coasting => "coasting",
-            State::Lost => "lost",
-            State::Reacquired => "reacquired",
-        }
-    }
-}
 
 /// How a [`FlightTracker`](super::FlightTracker) is to run.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -140,7 +140,7 @@ impl Weighing {
             + self
                 .weights
                 .iter()
-                .zip(&evidence.values)
+                .zip(evidence.to_array())
                 .map(|(w, v)| w * v)
                 .sum::<f64>()
     }
@@ -254,9 +254,9 @@ mod tests {
     #[test]
     fn smoothing_follows_with_delay() {
         let look = Weighing {
-            weights: [10.0 / COUNT as f64; COUNT],
+            weights: std::array::from_fn(|i| if i == 0 { 10.0 } else { 0.0 }),
             bias: 0.0,
-        }; // 10 in all: within the clamp
+        };
         let presence = Presence {
             look,
             again: look,
@@ -264,14 +264,14 @@ mod tests {
             gain: 1.0,
             shift: 0.0,
         };
-        let (good, bad) = (
-            Evidence {
-                values: [1.0; COUNT],
-            },
-            Evidence {
-                values: [-1.0; COUNT],
-            },
-        );
+        let good = Evidence {
+            score: 1.0,
+            ..Evidence::default()
+        };
+        let bad = Evidence {
+            score: -1.0,
+            ..Evidence::default()
+        };
         let mut smoothed = Smoothed::default();
         let [good_odds, bad_odds] = [&good, &bad].map(|evidence| look.log_odds(evidence));
         assert_eq!(smoothed.add(&presence, good_odds), look.alone(&good));

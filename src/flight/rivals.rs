@@ -4,7 +4,7 @@
 use super::camera::Motion;
 use super::candidates::Candidate;
 use super::kalman::Kalman;
-use crate::bbox::CenterBox;
+use crate::bbox::FrameBox;
 
 /// Most rivals that are followed.
 const MOST: usize = 8;
@@ -42,11 +42,6 @@ pub(super) struct Rivals {
 }
 
 impl Rivals {
-    /// Forgets all of them: another target.
-    pub(super) fn clear(&mut self) {
-        self.known.clear();
-    }
-
     /// Carries them into the next frame.
     pub(super) fn predict(&mut self, motion: &Motion) {
         for rival in &mut self.known {
@@ -88,7 +83,7 @@ impl Rivals {
     }
 
     /// Follows what was found from now on, as a rival that is known.
-    pub(super) fn meet(&mut self, bbox: &CenterBox) {
+    pub(super) fn meet(&mut self, bbox: &FrameBox) {
         let near = self
             .known
             .iter_mut()
@@ -105,7 +100,7 @@ impl Rivals {
         }
     }
 
-    fn add(&mut self, bbox: &CenterBox) {
+    fn add(&mut self, bbox: &FrameBox) {
         if self.known.len() == MOST {
             let least =
                 (0..MOST).min_by_key(|&i| (self.known[i].seen, u32::MAX - self.known[i].unseen));
@@ -119,7 +114,7 @@ impl Rivals {
     }
 
     /// Whether a box is rather on a known rival than on the target, which is `away` sides from where it should be.
-    pub(super) fn claim(&self, bbox: &CenterBox, away: f64) -> bool {
+    pub(super) fn claim(&self, bbox: &FrameBox, away: f64) -> bool {
         let known = self.known.iter().filter(|rival| rival.seen >= KNOWN);
         known
             .map(|rival| (rival.kalman.distance(bbox), rival))
@@ -131,8 +126,8 @@ impl Rivals {
 mod tests {
     use super::*;
 
-    fn at(cx: f32, cy: f32) -> CenterBox {
-        CenterBox {
+    fn at(cx: f32, cy: f32) -> FrameBox {
+        FrameBox {
             cx,
             cy,
             w: 20.0,

@@ -1,28 +1,163 @@
-//! Finding a target that is not where it should be.
+//! Searching for a target that is not where it should be.
+//!
+//! Every look of a frame goes to one of three places: ahead, where the target should be; to the
+//! best lead, a place that may show the target and is confirmed over several frames; or elsewhere,
+//! where the target's colors are or the sweep's next tile lies. What a look elsewhere finds becomes
+//! a lead.
 
 use super::camera::Motion;
 use super::evidence::Finding;
-use super::kalman::Kalman;
-use super::presence::Smoothed;
-use super::{Budget, FlightTracker, State};
-use crate::bbox::CenterBox;
+use super::judge::Judge;
+use super::options::{Budget, FlightOptions};
+use super::state::{Standing, State};
+use super::sweep::Sweep;
+use super::target::Target;
+use crate::bbox::FrameBox;
 use crate::error::TrackError;
 use crate::frame::Frame;
+use crate::tracker::Tracker;
 use std::time::{Duration, Instant};
 
-/// A place that looks like the target but is not yet taken for it.
+/// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of
+/// 303 crop pixels.
+const TILE_SHARE: f64 = 120.0 / 303.0;
+/// Frames of coasting during which a surely similar object far away is another object.
+const SOON: u32 = 10;
+/// Least distance of such an object from the predicted place, in target sides.
+const FAR: f64 = 2.0;
+/// Standard deviations of the predicted place that are added to that distance.
+const SIGMAS: f64 = 3.0;
+/// Share of a tile around a visited place that the colors do not lead back to.
+const VISITED: f32 = 0.8;
+/// Frames for which a visited place is remembered.
+const REMEMBERED: u32 = 15;
+/// Most visited places that are remembered.
+const MOST_VISITED: usize = 128;
+/// Most that a side of the target grows or shrinks by while it is not seen.
+const MOST_RESIZED: f32 = 2.0;
+/// Looks after which a doubtful place that stays the best is accepted.
+const PATIENT: u32 = 10;
+/// Least mean log-odds of a doubtful place.
+const DOUBTFUL: f64 = -0.7;
+/// Most places that wait for a closer look.
+const MAX_LEADS: usize = 8;
+/// Looks that confirm a place ahead of a coasting target.
+const CONFIRM_AHEAD: u32 = 2;
+
+/// How much of a frame's time or searches is left.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Tentative {
-    pub bbox: CenterBox,
-    confirmed: u32, // looks in a row that speak for it,
-    needed: u32,    // so many are enough
-    looks: u32,     // all of them,
-    log_odds: f64,  // and their sum
+pub(super) struct Allowance {
+    budget: Budget,
+    started: Instant,
+    spent: u32, // searches
+}
+
+impl Allowance {
+    /// Starts to count.
+    pub(super) fn start(budget: Budget) -> Allowance {
+        Allowance {
+            budget,
+            started: Instant::now(),
+            spent: 0,
+        }
+    }
+
+    /// One search has been made.
+    pub(super) fn spend(&mut self) {
+        self.spent += 1;
+    }
+
+    /// Searches made so far.
+    pub(super) fn spent(&self) -> u32 {
+        self.spent
+    }
+
+    /// Whether another search fits that takes `cost`; the first one of a frame always does.
+    fn affords(&self, cost: Duration) -> bool {
+        let fits = match self.budget {
+            Budget::Searches(most) => self.spent < most,
+            Budget::Deadline(deadline) => self.started.elapsed() + cost * 5 / 4 < deadline,
+        };
+        fits || self.spent == 0
+    }
+}
+
+/// What a search works with but does not own.
+pub(super) struct Means<'a> {
+    pub tracker: &'a mut Tracker,
+    pub judge: &'a mut Judge,
+    pub options: &'a FlightOptions,
+    pub frame: &'a Frame<'a>,
+    /// The target as predicted for this frame.
+    pub target: &'a Target,
+    pub standing: &'a Standing,
+}
+
+impl Means<'_> {
+    /// Where the target should be, within the frame.
+    fn predicted(&self) -> FrameBox {
+        let min_size = self.options.config.min_size;
+        self.target
+            .motion
+            .bbox()
+            .clamped(self.frame.width(), self.frame.height(), min_size)
+    }
+
+    /// Looks at one place; the findings are the judge's.
+    fn look(
+        &mut self,
+        around: FrameBox,
+        zoom: f64,
+        window_influence: f64,
+        expected: bool,
+    ) -> Result<Option<Finding>, TrackError> {
+        self.tracker
+            .look(self.frame, around, zoom, window_influence)?;
+        let expected = expected.then_some(self.target);
+        let finding = self.judge.examine(self.tracker, self.frame, expected);
+        self.judge.recognize(self.target, false);
+        Ok(finding)
+    }
+
+    /// Frame pixels that one search covers for a target of this size.
+    fn tile_side(&self, size: &FrameBox) -> f64 {
+        let architecture = self.tracker.model().architecture();
+        let context = self.options.config.context_amount;
+        let template = architecture.template_size;
+        let scale = crate::crop::scale(size.w.into(), size.h.into(), context, template);
+        TILE_SHARE * architecture.search_size as f64 / scale
+    }
+}
+
+/// What the searches of one frame came to.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Outcome {
+    /// The likeliest finding where the target should be, if that was looked at.
+    pub ahead: Option<Finding>,
+    /// A place that is now confirmed: its box, and what spoke for it last.
+    pub found: Option<(FrameBox, Finding)>,
+}
+
+/// What a look at the predicted place came to.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ahead {
+    finding: Option<Finding>,
+    is_promising: bool,
+}
+
+/// A place that may show the target but is not confirmed.
+#[derive(Clone, Copy, Debug)]
+struct Tentative {
+    bbox: FrameBox,
+    confirmed: u32, // looks in a row that speak for it
+    needed: u32,    // looks in a row that confirm it
+    looks: u32,     // all looks
+    log_odds: f64,  // sum over all looks
 }
 
 impl Tentative {
     /// A place for closer looks.
-    fn new(bbox: CenterBox, needed: u32) -> Tentative {
+    fn new(bbox: FrameBox, needed: u32) -> Tentative {
         Tentative {
             bbox,
             confirmed: 0,
@@ -34,11 +169,11 @@ impl Tentative {
 
     /// Takes one more look into account.
     fn note(&mut self, log_odds: f64) {
-        self.confirmed = if log_odds >= 0.0 {
-            self.confirmed + 1
+        if log_odds >= 0.0 {
+            self.confirmed += 1;
         } else {
-            0
-        };
+            self.confirmed = 0;
+        }
         self.looks += 1;
         self.log_odds += log_odds;
     }
@@ -53,174 +188,140 @@ impl Tentative {
         self.confirmed == 0 && self.mean() < DOUBTFUL
     }
 
-    /// Whether it is taken for the target: what is surely right in a few looks, or what is doubtful and stays the best there is.
+    /// Whether it is the target: a place that looks right in a few looks, or a doubtful one that
+    /// stays the best there is.
     fn is_found(&self) -> bool {
         self.confirmed >= self.needed || self.looks >= PATIENT && self.mean() >= DOUBTFUL
     }
 }
 
-/// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of 303 crop pixels.
-const TILE_SHARE: f64 = 120.0 / 303.0;
-/// Frames of coasting during which what surely looks like the target
-const SOON: u32 = 10;
-/// this far from where it should be, in its sides and in standard deviations of that place more, is another object.
-const FAR: f64 = 2.0;
-const SIGMAS: f64 = 3.0;
-/// Log-odds that speak against what is rather where a known rival should be: most of what is known to be a rival is one.
-const CLAIMED: f64 = 3.0;
-/// Share of what one search covers that its colors need not bring us back to,
-const VISITED: f32 = 0.8;
-/// for so many frames,
-const REMEMBERED: u32 = 15;
-/// of so many places at most.
-const MOST_VISITED: usize = 128;
-/// Most that a side of the target grows or shrinks by while it is not seen.
-const MOST_RESIZED: f32 = 2.0;
-/// Looks that something doubtful must last,
-const PATIENT: u32 = 10;
-/// and the least mean of its log-odds.
-const DOUBTFUL: f64 = -0.7;
-/// Most places that wait for a closer look.
-const MAX_LEADS: usize = 8;
+/// A place that deserves a closer look.
+#[derive(Clone, Copy, Debug)]
+struct Lead {
+    log_odds: f64,
+    bbox: FrameBox,
+}
 
-/// What was found, of a size that the target can have come to since it was last seen.
-pub(super) fn resized(found: &CenterBox, last: &CenterBox) -> CenterBox {
-    let side = |found: f32, last: f32| found.clamp(last / MOST_RESIZED, last * MOST_RESIZED);
-    CenterBox {
-        w: side(found.w, last.w),
-        h: side(found.h, last.h),
-        ..*found
+/// A place that was looked at lately.
+#[derive(Clone, Copy, Debug)]
+struct Visit {
+    bbox: FrameBox,
+    age: u32, // in frames
+}
+
+/// What is remembered of a search from frame to frame.
+#[derive(Clone, Debug)]
+pub(super) struct Search {
+    tentative: Option<Tentative>,
+    leads: Vec<Lead>,     // the best last
+    takes_lead: bool,     // the next free look goes to a lead
+    follows_colors: bool, // the next look elsewhere goes to the target's colors
+    sweep: Sweep,
+    visited: Vec<Visit>,
+    cost: Duration, // running mean of one look
+}
+
+impl Default for Search {
+    fn default() -> Search {
+        Search {
+            tentative: None,
+            leads: Vec::new(),
+            takes_lead: false,
+            follows_colors: false,
+            sweep: Sweep::default(),
+            visited: Vec::new(),
+            cost: Duration::from_millis(20),
+        }
     }
 }
 
-impl FlightTracker {
-    /// Looks where the target should be, then wherever it may be, as long as the budget lasts; returns the searches made.
-    pub(super) fn seek(
-        &mut self,
-        frame: &Frame<'_>,
-        motion: &Motion,
-        budget: Budget,
-        started: Instant,
-    ) -> Result<u32, TrackError> {
-        if let Some(kalman) = &mut self.kalman {
-            kalman.coast();
-            kalman.bound(frame.width(), frame.height());
-        }
-        self.carry_places(motion);
-        if self.state == State::Coasting && self.frames_in_state > self.options.coast {
-            self.enter(State::Lost);
-        }
-        self.search(frame, budget, started, 0)
+impl Search {
+    /// Forgets everything but what a look costs: another target.
+    pub(super) fn reset(&mut self) {
+        self.give_up();
+        self.takes_lead = false;
+        self.follows_colors = false;
     }
 
-    /// Looks for the target where it should be since it was last surely seen, while the tracker goes on following what is doubted; returns the
-    /// searches made, with the one for what is followed.
-    pub(super) fn look_beside(
-        &mut self,
-        frame: &Frame<'_>,
-        motion: &Motion,
-        budget: Budget,
-        started: Instant,
-    ) -> Result<u32, TrackError> {
-        self.carry_places(motion);
-        let (kalman, evidence, followed) = (self.kalman, self.evidence, self.tracker.target_box());
-        self.kalman = self.anchor;
-        let searches = self.search(frame, budget, started, 1)?;
-        if self.state != State::Reacquired {
-            (self.kalman, self.evidence) = (kalman, evidence);
-            followed
-                .into_iter()
-                .for_each(|bbox| self.tracker.place(bbox));
-        }
-        Ok(searches)
+    /// Drops all places.
+    pub(super) fn give_up(&mut self) {
+        self.tentative = None;
+        self.leads.clear();
+        self.sweep.clear();
+        self.visited.clear();
     }
 
-    /// Carries the places that are remembered into the next frame.
-    fn carry_places(&mut self, motion: &Motion) {
-        let carry = |bbox: &CenterBox| motion.carry(bbox);
-        for (_, bbox) in &mut self.leads {
-            *bbox = carry(bbox);
+    /// Carries all places into the next frame.
+    pub(super) fn predict(&mut self, motion: &Motion) {
+        for lead in &mut self.leads {
+            lead.bbox = motion.carry(&lead.bbox);
         }
-        self.visited.retain(|(_, age)| *age < REMEMBERED);
-        for (bbox, age) in &mut self.visited {
-            (*bbox, *age) = (carry(bbox), *age + 1);
+        self.visited.retain(|visit| visit.age < REMEMBERED);
+        for visit in &mut self.visited {
+            visit.bbox = motion.carry(&visit.bbox);
+            visit.age += 1;
         }
         if let Some(tentative) = &mut self.tentative {
-            tentative.bbox = carry(&tentative.bbox);
+            tentative.bbox = motion.carry(&tentative.bbox);
         }
     }
 
-    /// Searches as long as the budget lasts, `searches` having been made for this frame; returns them all.
-    fn search(
+    /// Looks for the target as long as the allowance lasts, or until it is found.
+    pub(super) fn run(
         &mut self,
-        frame: &Frame<'_>,
-        budget: Budget,
-        started: Instant,
-        mut searches: u32,
-    ) -> Result<u32, TrackError> {
+        means: &mut Means<'_>,
+        allowance: &mut Allowance,
+    ) -> Result<Outcome, TrackError> {
+        let mut outcome = Outcome::default();
+        // A place is looked at once a frame: confirming it takes one frame after the other.
         let mut verified = false;
-        let is_left = |searches: u32, cost: Duration| match budget {
-            Budget::Searches(most) => searches < most,
-            Budget::Deadline(deadline) => started.elapsed() + cost * 5 / 4 < deadline,
-        };
-        while searches == 0 || is_left(searches, self.search_cost) {
+        while allowance.affords(self.cost) {
             let began = Instant::now();
-            let ahead = self.state == State::Coasting || self.frames_in_state.is_multiple_of(3);
-            let doubtful = self
-                .tentative
-                .is_none_or(|tentative| tentative.confirmed == 0);
-            if searches == 0 && ahead && doubtful {
-                verified = self.look_ahead(frame)?;
+            let coasts = means.standing.state == State::Coasting;
+            let is_due = coasts || means.standing.age.is_multiple_of(3);
+            let is_doubtful = self.tentative.is_none_or(|place| place.confirmed == 0);
+            if allowance.spent() == 0 && is_due && is_doubtful {
+                let ahead = self.look_ahead(means)?;
+                outcome.ahead = ahead.finding;
+                verified = ahead.is_promising;
             } else if !verified
-                && (self.closer_look || self.tentative.is_some())
-                && self.take_lead()
+                && (self.takes_lead || self.tentative.is_some())
+                && self.take_lead(means.options.confirm)
             {
-                // Once a frame: it takes one frame after the other to confirm a place.
-                (verified, self.closer_look) = (true, false);
-                if self.verify(frame)? {
-                    return Ok(searches + 1);
+                verified = true;
+                self.takes_lead = false;
+                outcome.found = self.verify(means)?;
+                if outcome.found.is_some() {
+                    allowance.spend();
+                    return Ok(outcome);
                 }
             } else {
-                self.closer_look = true;
-                self.look_elsewhere(frame)?;
+                self.takes_lead = true;
+                self.look_elsewhere(means)?;
             }
-            searches += 1;
-            self.search_cost = (3 * self.search_cost + began.elapsed()) / 4;
+            allowance.spend();
+            self.cost = (3 * self.cost + began.elapsed()) / 4;
         }
-        Ok(searches)
+        Ok(outcome)
     }
 
-    /// Looks around the predicted place; `true` if something there may be the target.
-    fn look_ahead(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
-        let predicted = self.predicted(frame);
-        self.tracker
-            .look(frame, predicted, 1.0, self.options.config.window_influence)?;
-        self.judge(frame, true);
-        self.recognize(false);
-        let believed = self
-            .witness
-            .findings
-            .iter()
-            .map(|finding| (self.belief(finding), *finding));
-        let Some((log_odds, finding)) = believed.max_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Ok(false);
+    /// Looks around the predicted place and takes the likeliest finding there for a tentative place,
+    /// if it is likely at all.
+    fn look_ahead(&mut self, means: &mut Means<'_>) -> Result<Ahead, TrackError> {
+        let predicted = means.predicted();
+        let window_influence = means.options.config.window_influence;
+        means.look(predicted, 1.0, window_influence, true)?;
+        let Some((log_odds, finding)) = likeliest(means) else {
+            return Ok(Ahead::default());
         };
-        self.score = finding.score;
-        self.probability = self
-            .smoothed
-            .add(
-                &self.presence,
-                self.presence.look.log_odds(&finding.evidence),
-            )
-            .min(self.options.present);
-        let promising = log_odds >= 0.0;
-        if promising {
-            let needed = if self.state == State::Coasting {
-                2
+        let is_promising = log_odds >= 0.0;
+        if is_promising {
+            let needed = if means.standing.state == State::Coasting {
+                CONFIRM_AHEAD
             } else {
-                self.options.confirm
+                means.options.confirm
             };
-            let bbox = CenterBox {
+            let bbox = FrameBox {
                 cx: finding.bbox.cx,
                 cy: finding.bbox.cy,
                 ..predicted
@@ -229,165 +330,158 @@ impl FlightTracker {
             tentative.note(log_odds);
             self.tentative = Some(tentative);
         }
-        Ok(promising)
+        Ok(Ahead {
+            finding: Some(finding),
+            is_promising,
+        })
     }
 
-    /// Log-odds that what was found is the target, by its looks and by its place.
-    pub(super) fn belief(&self, finding: &Finding) -> f64 {
-        let Some(kalman) = self.kalman else {
-            return f64::NEG_INFINITY;
-        };
-        let claimed = self.rivals.claim(&finding.bbox, self.away(&finding.bbox));
-        let looks = self.presence.again.log_odds(&finding.evidence);
-        looks + kalman.log_ratio(&finding.bbox) - if claimed { CLAIMED } else { 0.0 }
-    }
-
-    /// Something that surely looks like the target, but is where it cannot be so soon, is a rival.
-    fn suspect(&mut self, finding: &Finding) {
-        let far = FAR + SIGMAS * self.kalman.map_or(0.0, |kalman| kalman.spread());
-        let alike = self.presence.again.alone(&finding.evidence) >= self.options.sure;
-        if alike
-            && self.state == State::Coasting
-            && self.frames_in_state <= SOON
-            && self.away(&finding.bbox) >= far
-        {
-            self.rivals.meet(&finding.bbox);
-        }
-    }
-
-    /// Looks where the target's colors are or at the sweep's next tile, by turns, and keeps what it finds there as a lead.
-    fn look_elsewhere(&mut self, frame: &Frame<'_>) -> Result<(), TrackError> {
-        let size = self.predicted(frame);
-        let colored = if self.by_colors {
-            self.colored_place(frame, &size)
+    /// Looks where the target's colors are or at the sweep's next tile, by turns, and keeps what it
+    /// finds there as leads.
+    fn look_elsewhere(&mut self, means: &mut Means<'_>) -> Result<(), TrackError> {
+        let size = means.predicted();
+        let colored = if self.follows_colors {
+            self.colored_place(means, &size)
         } else {
             None
         };
-        self.by_colors = !self.by_colors;
+        self.follows_colors = !self.follows_colors;
         let place = colored
             .map(|place| (place, 1.0))
-            .or_else(|| self.next_tile(frame, &size));
+            .or_else(|| self.next_tile(means, &size));
         let Some(((cx, cy), zoom)) = place else {
             return Ok(());
         };
-        let around = CenterBox { cx, cy, ..size };
+        let around = FrameBox { cx, cy, ..size };
         if self.visited.len() == MOST_VISITED {
             self.visited.remove(0);
         }
-        self.visited.push((around, 0));
-        self.tracker.look(frame, around, zoom, 0.0)?;
-        self.judge(frame, false);
-        self.recognize(false);
-        for i in 0..self.witness.findings.len() {
-            let finding = self.witness.findings[i];
-            self.suspect(&finding);
-            if self.is_within_reach(&finding.bbox) {
-                self.add_lead(self.belief(&finding), resized(&finding.bbox, &size));
+        self.visited.push(Visit {
+            bbox: around,
+            age: 0,
+        });
+        means.look(around, zoom, 0.0, false)?;
+        for i in 0..means.judge.findings().len() {
+            let finding = means.judge.findings()[i];
+            suspect(means, &finding);
+            if means.target.can_be_at(&finding.bbox) {
+                self.add_lead(Lead {
+                    log_odds: means.judge.belief(&finding, means.target),
+                    bbox: resized(&finding.bbox, &size),
+                });
             }
         }
         Ok(())
     }
 
-    fn add_lead(&mut self, log_odds: f64, bbox: CenterBox) {
-        self.leads.push((log_odds, bbox));
-        self.leads.sort_by(|a, b| a.0.total_cmp(&b.0));
+    fn add_lead(&mut self, lead: Lead) {
+        self.leads.push(lead);
+        self.leads.sort_by(|a, b| a.log_odds.total_cmp(&b.log_odds));
         let excess = self.leads.len().saturating_sub(MAX_LEADS);
         self.leads.drain(..excess);
     }
 
     /// The place within reach that has the target's colors most and was not looked at lately.
-    fn colored_place(&mut self, frame: &Frame<'_>, size: &CenterBox) -> Option<(f32, f32)> {
-        let kalman = self.kalman?;
-        let seen = 0.5 * VISITED * self.tile_side(size) as f32;
-        let visited = &self.visited;
-        self.colors.hottest(frame, size, |cx, cy| {
-            let near = |at: &CenterBox| (at.cx - cx).abs() <= seen && (at.cy - cy).abs() <= seen;
-            kalman.distance(&CenterBox { cx, cy, ..*size }) <= kalman.gate()
-                && !visited.iter().any(|(at, _)| near(at))
+    fn colored_place(&self, means: &mut Means<'_>, size: &FrameBox) -> Option<(f32, f32)> {
+        let seen = 0.5 * VISITED * means.tile_side(size) as f32;
+        let target = means.target;
+        means.judge.colors.hottest(means.frame, size, |cx, cy| {
+            let is_near = |visit: &Visit| {
+                (visit.bbox.cx - cx).abs() <= seen && (visit.bbox.cy - cy).abs() <= seen
+            };
+            target.can_be_at(&FrameBox { cx, cy, ..*size }) && !self.visited.iter().any(is_near)
         })
     }
 
-    /// The sweep's next tile and its zoom, of a new sweep if need be.
-    fn next_tile(&mut self, frame: &Frame<'_>, size: &CenterBox) -> Option<((f32, f32), f64)> {
+    /// The sweep's next tile and its zoom; a sweep that has ended begins anew.
+    fn next_tile(&mut self, means: &Means<'_>, size: &FrameBox) -> Option<((f32, f32), f64)> {
         self.sweep.next().or_else(|| {
             let side = f64::from(size.w * size.h).sqrt();
-            let radius = self.kalman.map_or(0.0, |kalman| kalman.gate()) * side;
-            let frame_size = (frame.width(), frame.height());
+            let radius = means.target.motion.gate() * side;
+            let frame_size = (means.frame.width(), means.frame.height());
+            let center = (size.cx, size.cy);
             self.sweep
-                .plan(frame_size, self.tile_side(size), (size.cx, size.cy), radius);
+                .plan(frame_size, means.tile_side(size), center, radius);
             self.sweep.next()
         })
     }
 
-    /// Takes the best lead for a closer look, unless there is a place already; what is doubtful there steps back for a lead that is believed.
-    /// Returns whether there is a place now.
-    fn take_lead(&mut self) -> bool {
-        let believed = self
-            .leads
-            .last()
-            .is_some_and(|(log_odds, _)| *log_odds >= 0.0);
-        if self
+    /// Makes the best lead the tentative place, unless there is one already; a doubtful place steps
+    /// back for a lead that is believed. Returns whether there is a tentative place.
+    fn take_lead(&mut self, needed: u32) -> bool {
+        let is_believed = self.leads.last().is_some_and(|lead| lead.log_odds >= 0.0);
+        let is_free = self
             .tentative
-            .is_none_or(|tentative| believed && tentative.confirmed == 0)
-            && let Some((_, bbox)) = self.leads.pop()
-        {
-            let before = self
-                .tentative
-                .replace(Tentative::new(bbox, self.options.confirm));
-            before
-                .into_iter()
-                .for_each(|before| self.add_lead(before.mean(), before.bbox));
+            .is_none_or(|place| is_believed && place.confirmed == 0);
+        if is_free && let Some(lead) = self.leads.pop() {
+            let before = self.tentative.replace(Tentative::new(lead.bbox, needed));
+            if let Some(before) = before {
+                self.add_lead(Lead {
+                    log_odds: before.mean(),
+                    bbox: before.bbox,
+                });
+            }
         }
         self.tentative.is_some()
     }
 
-    /// Tracks the tentative place for one frame; `true` if it is now taken for the target.
-    fn verify(&mut self, frame: &Frame<'_>) -> Result<bool, TrackError> {
+    /// Tracks the tentative place for one frame; returns it once it is confirmed.
+    fn verify(&mut self, means: &mut Means<'_>) -> Result<Option<(FrameBox, Finding)>, TrackError> {
         let Some(mut tentative) = self.tentative.take() else {
-            return Ok(false);
+            return Ok(None);
         };
-        let back = self.tracker.target_box();
-        self.tracker.place(tentative.bbox);
-        let track = self.tracker.find(frame)?;
-        let Some(finding) = self.judge(frame, false) else {
-            return Ok(false);
+        let back = means.tracker.target_box();
+        means.tracker.place(tentative.bbox);
+        let track = means.tracker.find(means.frame)?;
+        let Some(finding) = means.judge.examine(means.tracker, means.frame, None) else {
+            return Ok(None);
         };
-        self.recognize(false);
-        tentative.note(self.belief(&finding));
+        means.judge.recognize(means.target, false);
+        tentative.note(means.judge.belief(&finding, means.target));
         if tentative.is_refuted() {
-            back.into_iter().for_each(|bbox| self.tracker.place(bbox));
-            return Ok(false);
+            if let Some(bbox) = back {
+                means.tracker.place(bbox);
+            }
+            return Ok(None);
         }
         tentative.bbox = track.bbox.center();
-        if !tentative.is_found() {
-            self.tentative = Some(tentative);
-            return Ok(false);
+        if tentative.is_found() {
+            return Ok(Some((tentative.bbox, finding)));
         }
-        self.probation = self.kalman.map(|kalman| (kalman, 0));
-        self.kalman = Some(Kalman::new(&tentative.bbox));
-        (self.anchor, self.next_anchor) = (self.kalman, None);
-        self.smoothed = Smoothed::default();
-        self.probability = self.smoothed.add(
-            &self.presence,
-            self.presence.look.log_odds(&finding.evidence),
-        );
-        self.score = finding.score;
-        self.enter(State::Reacquired);
-        (self.faint, self.doubted, self.calm) = (0, 0, 0);
-        self.give_up_search();
-        Ok(true)
+        self.tentative = Some(tentative);
+        Ok(None)
     }
+}
 
-    /// Frame pixels that one search covers for a target of this size.
-    fn tile_side(&self, size: &CenterBox) -> f64 {
-        let architecture = self.tracker.model().architecture();
-        let scale = crate::crop::scale(
-            size.w.into(),
-            size.h.into(),
-            self.options.config.context_amount,
-            architecture.template_size,
-        );
-        TILE_SHARE * architecture.search_size as f64 / scale
+/// The likeliest finding of the last search, with its log-odds.
+fn likeliest(means: &Means<'_>) -> Option<(f64, Finding)> {
+    let believed = means
+        .judge
+        .findings()
+        .iter()
+        .map(|finding| (means.judge.belief(finding, means.target), *finding));
+    believed.max_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Makes a finding a rival if it surely looks like the target, but is where the target cannot be so
+/// soon.
+fn suspect(means: &mut Means<'_>, finding: &Finding) {
+    let far = FAR + SIGMAS * means.target.motion.spread();
+    let alike = means.judge.presence.again.alone(&finding.evidence);
+    let is_soon = means.standing.state == State::Coasting && means.standing.age <= SOON;
+    let is_far = means.target.away(&finding.bbox) >= far;
+    if is_soon && is_far && alike >= means.options.sure {
+        means.judge.rivals.meet(&finding.bbox);
+    }
+}
+
+/// A found box, of a size that the target can have come to since it was last seen.
+pub(super) fn resized(found: &FrameBox, last: &FrameBox) -> FrameBox {
+    let side = |found: f32, last: f32| found.clamp(last / MOST_RESIZED, last * MOST_RESIZED);
+    FrameBox {
+        w: side(found.w, last.w),
+        h: side(found.h, last.h),
+        ..*found
     }
 }
 
@@ -398,7 +492,7 @@ mod tests {
     #[test]
     fn what_is_sure_is_taken_soon_and_what_is_doubtful_late() {
         let after = |log_odds: &[f64]| {
-            let mut tentative = Tentative::new(CenterBox::default(), 3);
+            let mut tentative = Tentative::new(FrameBox::default(), 3);
             log_odds.iter().for_each(|odds| tentative.note(*odds));
             tentative
         };
@@ -415,27 +509,27 @@ mod tests {
 
     #[test]
     fn a_target_returns_larger_or_smaller_within_bounds() {
-        let last = CenterBox {
+        let last = FrameBox {
             cx: 0.0,
             cy: 0.0,
             w: 20.0,
             h: 10.0,
         };
-        let found = CenterBox {
+        let found = FrameBox {
             cx: 50.0,
             cy: 60.0,
             w: 30.0,
             h: 6.0,
         };
         assert_eq!(resized(&found, &last), found);
-        let far_off = CenterBox {
+        let far_off = FrameBox {
             w: 90.0,
             h: 1.0,
             ..found
         };
         assert_eq!(
             resized(&far_off, &last),
-            CenterBox {
+            FrameBox {
                 w: 40.0,
                 h: 5.0,
                 ..found

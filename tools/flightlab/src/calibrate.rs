@@ -1,10 +1,12 @@
 //! `calibrate`: collect, fit, measure, write.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use track_cpu::flight::{EVIDENCE_NAMES, PRESENCE_NOTE, Presence, Weighing};
 use weights_format::{Storage, Weights};
 
+use crate::clips;
 use crate::collect::{Sample, Samples, collect};
 use crate::fit::{Inputs, logistic};
 use crate::measure::{auroc, log_loss, reliability};
@@ -23,7 +25,12 @@ const ONLY_AGAIN: [&str; 1] = ["colors"];
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
-    let train = collect(&model, &args.flights, args.seed)?;
+    let mut clips = clips::flights(&args.flights, args.seed);
+    clips.extend(clips::footage(&args.footage)?);
+    let train = collect(&model, &clips, args.jobs)?;
+    if let Some(path) = &args.dump {
+        dump(path, &train)?;
+    }
     let presence = if args.again_only {
         rounded(Presence {
             again: fit_again(&train)?,
@@ -34,10 +41,14 @@ pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     };
     print!("{}", presence.to_text());
     report("fitted to", &presence, &train);
-    let test = collect(&model, &args.flights, args.test_seed)?;
+    let test = collect(
+        &model,
+        &clips::flights(&args.flights, args.test_seed),
+        args.jobs,
+    )?;
     report("measured on other flights", &presence, &test);
     for (index, name) in EVIDENCE_NAMES.iter().enumerate() {
-        let alone = auroc(&labeled(&test, |s| s.evidence.values[index]));
+        let alone = auroc(&labeled(&test, |s| s.evidence.to_array()[index]));
         println!("AUROC of {name} alone: {}", shown(alone));
     }
     if let Some(path) = &args.text {
@@ -47,6 +58,34 @@ pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     args.into
         .as_deref()
         .map_or(Ok(()), |path| write(path, &presence))
+}
+
+/// Writes all looks as a table with tabs: group, run, kind, truth, gone, evidence.
+fn dump(path: &Path, clips: &[Samples]) -> Result<(), Failure> {
+    let mut text = format!(
+        "group\trun\tkind\ton\tgone\t{}\n",
+        EVIDENCE_NAMES.join("\t")
+    );
+    for (clip, samples) in clips.iter().enumerate() {
+        let runs = samples.runs.iter().enumerate();
+        let runs = runs.map(|(i, run)| (format!("{clip}.{i}"), "run", run));
+        let single = [("look", &samples.looks), ("again", &samples.again)];
+        let single = single.map(|(kind, looks)| (clip.to_string(), kind, looks));
+        for (run, kind, looks) in runs.chain(single) {
+            for look in looks {
+                let on = look.on.map_or("-", |on| if on { "1" } else { "0" });
+                let gone = u8::from(look.gone);
+                let values = look.evidence.to_array().map(|v| format!("{v:.5}"));
+                let _ = writeln!(
+                    text,
+                    "{}\t{run}\t{kind}\t{on}\t{gone}\t{}",
+                    samples.group,
+                    values.join("\t")
+                );
+            }
+        }
+    }
+    std::fs::write(path, text).map_err(|error| Failure::File(path.into(), error.to_string()))
 }
 
 /// Adds the coefficients to a weights file.
@@ -67,7 +106,7 @@ fn write(path: &Path, presence: &Presence) -> Result<(), Failure> {
 
 fn inputs<'a>(samples: impl Iterator<Item = &'a Sample>) -> Vec<(Inputs, bool)> {
     samples
-        .filter_map(|s| Some((s.evidence.values, s.on?)))
+        .filter_map(|s| Some((s.evidence.to_array(), s.on?)))
         .collect()
 }
 

@@ -1,16 +1,15 @@
 //! Evidence with the truth about it.
 //!
-//! Four kinds: what the tracker saw frame after frame, running on whether the target was there or not; looks at the
-//! target's own place and at look-alikes and bare ground, as re-detection takes them; such looks by a tracker that has
-//! not seen the target for a while; and both at pictures that show nothing.
+//! Four kinds: what the tracker saw frame after frame, whether the target was there or not; looks at
+//! the target's own place, at look-alikes and at bare ground, as re-detection takes them; such looks
+//! by a tracker that has not seen the target for a while; and both at pictures that show nothing.
 
 use track_cpu::flight::{Budget, Conduct, Evidence, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Model};
 
-use scenes::{SplitMix64, Truth};
-
-use crate::flights::{GONE, OFF, VISIBLE, bbox, each_seed, is_on, play};
-use crate::{Failure, FlightArgs};
+use crate::Failure;
+use crate::chance::Chance;
+use crate::clips::{Clip, GONE, OFF, Truth, VISIBLE, each_clip, is_on};
 
 /// Frames off a visible target before it is shown to the tracker again.
 const OFF_FRAMES: u32 = 60;
@@ -18,9 +17,9 @@ const OFF_FRAMES: u32 = 60;
 const LOOK_EVERY: usize = 5;
 /// Looks elsewhere for each one at an empty picture.
 const EMPTY_EVERY: usize = 5;
-/// Frames that the second tracker sees its target for,
+/// Frames that the second tracker sees its target for.
 const SEEN: u32 = 40;
-/// and frames that it then only looks around for.
+/// Frames in which the second tracker then only looks around.
 const UNSEEN: u32 = 90;
 
 /// One look with the truth about it.
@@ -34,9 +33,11 @@ pub struct Sample {
     pub gone: bool,
 }
 
-/// Looks of one flight.
+/// Looks of one clip.
 #[derive(Clone, Debug, Default)]
 pub struct Samples {
+    /// Clips of the same group must not be split between fitting and measuring.
+    pub group: String,
     /// Consecutive frames; a new run begins where the target was shown again.
     pub runs: Vec<Vec<Sample>>,
     /// Single looks.
@@ -45,24 +46,30 @@ pub struct Samples {
     pub again: Vec<Sample>,
 }
 
-/// Collects from all flights from `first` on.
-pub fn collect(model: &Model, args: &FlightArgs, first: u64) -> Result<Vec<Samples>, Failure> {
-    each_seed(args, first, |seed| flight(model, args, seed))
+/// Collects from clips, a thread each.
+///
+/// # Errors
+/// If a clip cannot be played.
+pub fn collect(model: &Model, clips: &[Clip], jobs: usize) -> Result<Vec<Samples>, Failure> {
+    each_clip(clips, jobs, |clip| from_clip(model, clip))
 }
 
-fn flight(model: &Model, args: &FlightArgs, seed: u64) -> Result<Samples, Failure> {
+fn from_clip(model: &Model, clip: &Clip) -> Result<Samples, Failure> {
     let options = FlightOptions {
         conduct: Conduct::Watch,
         ..FlightOptions::new(model)
     };
     let mut tracker = FlightTracker::new(model.clone(), options)?;
     let mut late = FlightTracker::new(model.clone(), options)?;
-    let mut samples = Samples::default();
+    let mut samples = Samples {
+        group: clip.group(),
+        ..Samples::default()
+    };
     let mut off = u32::MAX; // so that the first frame shows the target
     let mut age = u32::MAX; // frames since the second tracker was shown it
-    let mut chance = Chance(SplitMix64(seed));
-    play(args, seed, |index, frame, truth| {
-        let target = bbox(&truth.bbox);
+    let mut chance = Chance::new(clip.seed());
+    clip.play(|index, frame, truth| {
+        let target = truth.bbox;
         let gone = truth.visible <= GONE;
         let may_show = truth.visible > 0.8 || index == 0;
         age = age.saturating_add(1);
@@ -144,17 +151,18 @@ fn look_around(
     chance: &mut Chance,
     looks: &mut Vec<Sample>,
 ) -> Result<(), Failure> {
-    let (target, gone) = (bbox(&truth.bbox), truth.visible <= GONE);
-    let mut places = vec![chance.near(&target, 0.6)];
+    let target = truth.bbox;
+    let gone = truth.visible <= GONE;
+    let mut places = vec![near(chance, &target, 0.6)];
     let alike: Vec<BBox> = truth
-        .distractors
+        .others
         .iter()
-        .map(bbox)
+        .copied()
         .filter(|d| d.iou(&target) < OFF && d.area() > 40.0)
         .collect();
     if !alike.is_empty() {
         let one = alike[chance.below(alike.len())];
-        places.push(chance.near(&one, 0.3));
+        places.push(near(chance, &one, 0.3));
     }
     let (x, y) = (
         chance.unit() * frame.width() as f32,
@@ -194,7 +202,7 @@ fn look_at_nothing(
     let empty = vec![gray; 3 * width * height];
     let frame = Frame::new(&empty, width, height, ChannelOrder::Rgb)
         .map_err(|error| Failure::Nothing(format!("an empty picture: {error}")))?;
-    let target = bbox(&truth.bbox);
+    let target = truth.bbox;
     let around = BBox::new(width as f32 / 2.0, height as f32 / 2.0, target.w, target.h);
     let found = tracker.examine(&frame, around)?;
     looks.extend(found.map(|(_, evidence)| Sample {
@@ -205,21 +213,9 @@ fn look_at_nothing(
     Ok(())
 }
 
-/// Chance of a collection.
-struct Chance(SplitMix64);
-
-impl Chance {
-    fn unit(&mut self) -> f32 {
-        (self.0.bits() >> 40) as f32 / (1 << 24) as f32
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        ((self.unit() * n as f32) as usize).min(n.saturating_sub(1))
-    }
-
-    /// The box moved by up to a share of its sides.
-    fn near(&mut self, b: &BBox, share: f32) -> BBox {
-        let (dx, dy) = (2.0 * self.unit() - 1.0, 2.0 * self.unit() - 1.0);
-        BBox::new(b.x + share * dx * b.w, b.y + share * dy * b.h, b.w, b.h)
-    }
+/// The box moved by up to a share of its sides.
+fn near(chance: &mut Chance, b: &BBox, share: f32) -> BBox {
+    let dx = chance.between(-1.0, 1.0);
+    let dy = chance.between(-1.0, 1.0);
+    BBox::new(b.x + share * dx * b.w, b.y + share * dy * b.h, b.w, b.h)
 }

@@ -1,11 +1,11 @@
-//! `evaluate`: flight mode as a whole on rendered flights, beside the paper's mode.
+//! `evaluate`: flight mode as a whole on clips with absences, beside plain mode.
 
 use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker, Presence};
 use track_cpu::{BBox, Frame, Model, State};
 
-use scenes::{Difficulty, Truth};
+use scenes::Difficulty;
 
-use crate::flights::{GONE, OFF, ON, bbox, difficulty, each_seed, is_on, play};
+use crate::clips::{self, Clip, GONE, OFF, ON, Truth, each_clip, is_on};
 use crate::measure::{auroc, reliability};
 use crate::{EvaluateArgs, Failure, load, plots, presence};
 
@@ -34,20 +34,23 @@ struct Moment {
     crossed: bool, // a look-alike's box overlaps the target's
 }
 
-/// What one flight came to.
+/// What one clip came to.
 #[derive(Debug)]
 struct Outcome {
-    seed: u64,
+    name: String,
+    difficulty: Option<Difficulty>, // none of footage
     flight: Vec<Moment>,
-    paper: Vec<Moment>, // none if it was left out
+    plain: Vec<Moment>, // none if it was left out
 }
 
 /// Runs the sub-command.
 pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
     let presence = presence(args.text.as_ref(), &model)?;
-    let outcomes = each_seed(&args.flights, args.seed, |seed| {
-        flight(&model, &presence, args, seed)
+    let mut clips = clips::flights(&args.flights, args.seed);
+    clips.extend(clips::footage(&args.footage)?);
+    let outcomes = each_clip(&clips, args.jobs, |clip| {
+        follow(&model, &presence, args, clip)
     })?;
     for outcome in &outcomes {
         if args.trace {
@@ -63,10 +66,10 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         }
         let found = Count::sum(returns(&outcome.flight).into_iter());
         let flight = format!("{:.3}", mean_iou(&outcome.flight));
-        let paper = if args.flight_only {
+        let plain = if args.flight_only {
             "-".into()
         } else {
-            format!("{:.3}", mean_iou(&outcome.paper))
+            format!("{:.3}", mean_iou(&outcome.plain))
         };
         let wrong = if locks_wrong(&outcome.flight) {
             "  wrong target"
@@ -74,22 +77,21 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
             ""
         };
         println!(
-            "seed {}: IoU {flight}, paper {paper}; found again {found}{wrong}",
-            outcome.seed
+            "{}: IoU {flight}, plain {plain}; found again {found}{wrong}",
+            outcome.name
         );
     }
-    let parts = [Some(Difficulty::Medium), Some(Difficulty::Hard), None];
-    for part in parts {
-        let of = |outcome: &&Outcome| part.is_none_or(|part| difficulty(outcome.seed) == part);
-        let label = part.map_or("all".into(), |part| format!("{part:?}").to_lowercase());
-        let paper: Vec<_> = outcomes.iter().filter(of).map(|o| &o.paper[..]).collect();
-        let flight: Vec<_> = outcomes.iter().filter(of).map(|o| &o.flight[..]).collect();
-        if !paper.is_empty() && !args.flight_only {
-            summarize(&format!("{label}, paper"), &paper);
+    let of = |part: Part| outcomes.iter().filter(move |o| part.holds(o.difficulty));
+    for part in [Part::Medium, Part::Hard, Part::Footage, Part::All] {
+        let plain: Vec<_> = of(part).map(|o| &o.plain[..]).collect();
+        let flight: Vec<_> = of(part).map(|o| &o.flight[..]).collect();
+        if flight.is_empty() || part == Part::All && flight.len() < outcomes.len() {
+            continue;
         }
-        if !flight.is_empty() {
-            summarize(&format!("{label}, flight"), &flight);
+        if !args.flight_only {
+            summarize(&format!("{part:?}, plain"), &plain);
         }
+        summarize(&format!("{part:?}, flight"), &flight);
     }
     let all: Vec<_> = outcomes.iter().map(|outcome| &outcome.flight[..]).collect();
     let folder = args.plots.as_deref();
@@ -98,36 +100,58 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     })
 }
 
-fn flight(
+/// Some of the clips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Medium,
+    Hard,
+    Footage,
+    All,
+}
+
+impl Part {
+    fn holds(self, difficulty: Option<Difficulty>) -> bool {
+        match self {
+            Part::Medium => difficulty == Some(Difficulty::Medium),
+            Part::Hard => difficulty == Some(Difficulty::Hard),
+            Part::Footage => difficulty.is_none(),
+            Part::All => true,
+        }
+    }
+}
+
+/// Both modes on one clip.
+fn follow(
     model: &Model,
     presence: &Presence,
     args: &EvaluateArgs,
-    seed: u64,
+    clip: &Clip,
 ) -> Result<Outcome, Failure> {
     let options = FlightOptions::new(model);
-    let follow = FlightOptions {
+    let plain = FlightOptions {
         conduct: Conduct::Tell,
         ..options
     };
     let mut trackers =
-        [options, follow].map(|o| FlightTracker::with_presence(model.clone(), o, *presence));
+        [options, plain].map(|o| FlightTracker::with_presence(model.clone(), o, *presence));
     let mut moments = [Vec::new(), Vec::new()];
     let modes = if args.flight_only { 1 } else { trackers.len() };
-    play(&args.flights, seed, |index, frame, truth| {
+    clip.play(|index, frame, truth| {
         for (tracker, moments) in trackers.iter_mut().zip(&mut moments).take(modes) {
             if index == 0 {
-                tracker.init(frame, bbox(&truth.bbox))?;
+                tracker.init(frame, truth.bbox)?;
             } else {
                 moments.push(moment(tracker, frame, truth, args.searches)?);
             }
         }
         Ok(())
     })?;
-    let [flight, paper] = moments;
+    let [flight, plain] = moments;
     Ok(Outcome {
-        seed,
+        name: clip.name(),
+        difficulty: clip.difficulty(),
         flight,
-        paper,
+        plain,
     })
 }
 
@@ -138,9 +162,10 @@ fn moment(
     searches: u32,
 ) -> Result<Moment, Failure> {
     let track = tracker.update(frame, Budget::Searches(searches))?;
-    let iou = track.bbox.iou(&bbox(&truth.bbox));
+    let iou = track.bbox.iou(&truth.bbox);
     let on_other = |b: &BBox| b.iou(&track.bbox) >= ON;
-    let (target, center) = (bbox(&truth.bbox), bbox(&truth.bbox).center());
+    let target = truth.bbox;
+    let center = target.center();
     let within = (0.0..frame.width() as f32).contains(&center.cx)
         && (0.0..frame.height() as f32).contains(&center.cy);
     Ok(Moment {
@@ -150,14 +175,9 @@ fn moment(
         presence: f64::from(track.presence),
         state: track.state,
         believed: track.is_believed(),
-        other: iou < OFF && truth.distractors.iter().map(bbox).any(|b| on_other(&b)),
+        other: iou < OFF && truth.others.iter().any(on_other),
         outside: !within,
-        crossed: within
-            && truth
-                .distractors
-                .iter()
-                .map(bbox)
-                .any(|b| b.iou(&target) > 0.0),
+        crossed: within && truth.others.iter().any(|b| b.iou(&target) > 0.0),
     })
 }
 

@@ -1,24 +1,28 @@
-//! `flightlab`: fits the presence coefficients of a model on rendered flights and measures flight mode on others.
+//! `flightlab`: fits the presence coefficients of a model, and measures flight mode on other clips.
 //!
-//! | file | what happens there |
+//! | file | contents |
 //! |---|---|
-//! | `flights.rs` | rendered flights, frame by frame, with their truth |
+//! | `clips.rs` | rendered flights and real footage, frame by frame, with their truth |
+//! | `panning.rs` | a virtual camera over real footage: absences with exact truth |
 //! | `collect.rs` | evidence with the truth about it |
-//! | `fit.rs` | logistic regression, calibration of the smoothed log-odds |
-//! | `measure.rs`, `plots.rs` | ROC, calibration: figures and plots |
-//! | `evaluate.rs` | flight mode as a whole: lost, found again, wrong target |
-//! | `sequences.rs` | the same on real sequences |
+//! | `calibrate.rs`, `fit.rs` | `calibrate`: logistic regression, smoothing, cross-validation |
+//! | `evaluate.rs` | `evaluate`: losses, returns, wrong targets |
+//! | `compare.rs` | `sequences`: plain and flight mode on real sequences |
+//! | `measure.rs`, `plots.rs` | ROC and reliability: figures and plots |
+//! | `chance.rs` | random numbers |
 
 #![forbid(unsafe_code)]
 
 mod calibrate;
+mod chance;
+mod clips;
 mod collect;
+mod compare;
 mod evaluate;
 mod fit;
-mod flights;
 mod measure;
+mod panning;
 mod plots;
-mod sequences;
 
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -36,18 +40,18 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Fit the presence coefficients of a model on rendered flights, and measure them on others.
+    /// Fit the presence coefficients of a model on clips, and measure them on others.
     Calibrate(CalibrateArgs),
-    /// Measure flight mode on rendered flights: presence, lost targets found again, wrong targets.
+    /// Measure flight mode on clips with absences: presence, returns, wrong targets.
     Evaluate(EvaluateArgs),
-    /// Compare the paper's mode and flight mode on folders of real sequences.
+    /// Compare plain and flight mode on real sequences, frame by frame.
     Sequences(SequencesArgs),
 }
 
-/// Which flights.
+/// Which rendered flights.
 #[derive(Clone, Debug, Args)]
 pub struct FlightArgs {
-    /// Flights, one seed each; two of three are hard ones.
+    /// Rendered flights, one seed each; two of three are hard ones. 0 for none.
     #[arg(long, default_value_t = 24)]
     pub flights: u64,
     /// Frames per flight, 30 a second.
@@ -56,29 +60,58 @@ pub struct FlightArgs {
     /// Width of the view in pixels; its height is 9/16 of it.
     #[arg(long, default_value_t = 480)]
     pub width: usize,
-    /// Share of the look-alikes that have the target's very body, 0 to 1; by its difficulty if absent: a quarter in a medium
-    /// flight, more than half in a hard one.
+    /// Share of the look-alikes that have the target's very body, 0 to 1 [default: by difficulty, a
+    /// quarter in a medium flight, more than half in a hard one].
     #[arg(long)]
     pub twins: Option<f32>,
-    /// Threads, a flight each.
-    #[arg(long, default_value_t = 1)]
-    pub jobs: usize,
+}
+
+/// Which real footage.
+#[derive(Clone, Debug, Args)]
+pub struct FootageArgs {
+    /// Folder of real sequences, each with its pictures and groundtruth*.txt, at any depth.
+    #[arg(long)]
+    pub sequences: Option<PathBuf>,
+    /// Only the sequences of these names.
+    #[arg(long, num_args = 1.., requires = "sequences")]
+    pub only: Vec<String>,
+    /// Passes of a virtual camera over each sequence, in which the target leaves the view and is
+    /// occluded; a seed each.
+    #[arg(
+        long = "virtual",
+        default_value_t = 0,
+        requires = "sequences",
+        value_name = "SEEDS"
+    )]
+    pub panning: u64,
+    /// With --virtual: the sequences as they are, too.
+    #[arg(long)]
+    pub plain_too: bool,
+    /// With --virtual: folder of pictures, parts of which occlude the target.
+    #[arg(long)]
+    pub stills: Option<PathBuf>,
+    /// Four passes over each sequence as it is: from both ends, and from the middle both ways.
+    #[arg(long)]
+    pub four_starts: bool,
 }
 
 #[derive(Debug, Args)]
 struct CalibrateArgs {
     #[command(flatten)]
     flights: FlightArgs,
+    #[command(flatten)]
+    footage: FootageArgs,
     /// First seed of the flights that are fitted to.
     #[arg(long, default_value_t = 910_000)]
     seed: u64,
     /// First seed of as many flights that are only measured.
     #[arg(long, default_value_t = 920_000)]
     test_seed: u64,
-    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
+    /// Weights file, or the name of a built-in model.
     #[arg(long)]
     model: Option<PathBuf>,
-    /// Weights file to carry the coefficients from now on, usually the same: it is rewritten with them as a note.
+    /// Weights file to carry the coefficients from now on, usually the same: it is rewritten with
+    /// them as a note.
     #[arg(long)]
     into: Option<PathBuf>,
     /// File for the coefficients as text, such as src/flight/presence.txt.
@@ -87,16 +120,24 @@ struct CalibrateArgs {
     /// Fit only how looks for a lost target are weighed, and keep the model's other coefficients.
     #[arg(long)]
     again_only: bool,
+    /// File for all looks as a table: clip, kind, truth, evidence.
+    #[arg(long)]
+    dump: Option<PathBuf>,
+    /// Threads, a clip each.
+    #[arg(long, default_value_t = 1)]
+    jobs: usize,
 }
 
 #[derive(Debug, Args)]
 struct EvaluateArgs {
     #[command(flatten)]
     flights: FlightArgs,
-    /// First seed: not one that was fitted to.
+    #[command(flatten)]
+    footage: FootageArgs,
+    /// First seed of the flights: not one that was fitted to.
     #[arg(long, default_value_t = 930_000)]
     seed: u64,
-    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
+    /// Weights file, or the name of a built-in model.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Searches per frame while the target is lost.
@@ -105,22 +146,25 @@ struct EvaluateArgs {
     /// Print a line per frame: visible share, IoU, presence, state, believed.
     #[arg(long)]
     trace: bool,
-    /// Folder for plots of presence over all flights: flight-roc.svg, flight-presence.svg.
+    /// Folder for plots of presence over all clips: flight-roc.svg, flight-presence.svg.
     #[arg(long)]
     plots: Option<PathBuf>,
-    /// Leave out the paper's mode: half the time.
+    /// Leave out the plain mode: half the time.
     #[arg(long)]
     flight_only: bool,
     /// Presence coefficients as text in place of the model's.
     #[arg(long)]
     text: Option<PathBuf>,
+    /// Threads, a clip each.
+    #[arg(long, default_value_t = 1)]
+    jobs: usize,
 }
 
 #[derive(Debug, Args)]
 struct SequencesArgs {
-    /// Folder of sequences, each with img/ and groundtruth_rect.txt, one or two levels below.
+    /// Folder of sequences, each with its pictures and groundtruth*.txt, at any depth.
     folder: PathBuf,
-    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
+    /// Weights file, or the name of a built-in model.
     #[arg(long)]
     model: Option<PathBuf>,
     /// Searches per frame while the target is lost.
@@ -129,6 +173,18 @@ struct SequencesArgs {
     /// Presence coefficients as text in place of the model's.
     #[arg(long)]
     text: Option<PathBuf>,
+    /// Only these sequences.
+    #[arg(long, num_args = 1..)]
+    only: Vec<String>,
+    /// Four passes over each sequence: from both ends, and from the middle both ways.
+    #[arg(long)]
+    four_starts: bool,
+    /// Threads, a pass each.
+    #[arg(long, default_value_t = 1)]
+    jobs: usize,
+    /// Folder for a text per pass with a line per frame.
+    #[arg(long)]
+    traces: Option<PathBuf>,
 }
 
 /// Why a command failed.
@@ -152,6 +208,9 @@ pub enum Failure {
     /// There is nothing to work on.
     #[error("{0}")]
     Nothing(String),
+    /// A benchmark cannot be read.
+    #[error(transparent)]
+    Sequences(#[from] sequences::Error),
     /// A frame or box is refused.
     #[error(transparent)]
     Track(#[from] track_cpu::TrackError),
@@ -176,7 +235,7 @@ fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
-        Command::Sequences(args) => sequences::run(&args),
+        Command::Sequences(args) => compare::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
