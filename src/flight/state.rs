@@ -176,3 +176,72 @@ impl Standing {
         self.calm >= CALM
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn next_state_follows_the_table() {
+        use Sighting::{Absent, Doubtful, Found, Impossible, Present, Unseen};
+        use State::{Coasting, Lost, LowConfidence, Reacquired, Tracking};
+        let limits = Limits {
+            patience: Some(8),
+            coast: 30,
+            fresh: 10,
+        };
+        // state, sighting, time in the state, absent sightings in a row, next state
+        let table = [
+            (Tracking, Present, 50, 0, Tracking),
+            (Tracking, Doubtful, 50, 0, LowConfidence),
+            (Tracking, Absent, 50, 1, LowConfidence),
+            (Tracking, Absent, 50, 8, Coasting),
+            (Tracking, Impossible, 50, 0, Coasting),
+            (LowConfidence, Present, 1, 0, Tracking),
+            (LowConfidence, Doubtful, 500, 0, LowConfidence),
+            (LowConfidence, Absent, 7, 7, LowConfidence),
+            (LowConfidence, Absent, 8, 8, Coasting),
+            (LowConfidence, Found, 90, 0, Reacquired),
+            (Coasting, Unseen, 30, 0, Coasting),
+            (Coasting, Unseen, 31, 0, Lost),
+            (Coasting, Found, 3, 0, Reacquired),
+            (Lost, Unseen, 1000, 0, Lost),
+            (Lost, Found, 1000, 0, Reacquired),
+            (Reacquired, Present, 9, 0, Reacquired),
+            (Reacquired, Present, 10, 0, Tracking),
+            (Reacquired, Doubtful, 2, 0, LowConfidence),
+            (Reacquired, Impossible, 2, 0, Coasting),
+        ];
+
+        for (state, sighting, age, absent, expected) in table {
+            let observation = Observation {
+                sighting,
+                age,
+                absent,
+            };
+            assert_eq!(
+                state.next(observation, &limits),
+                expected,
+                "{state:?} {observation:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn target_that_must_not_be_given_up_stays_doubtful() {
+        let limits = Limits {
+            patience: None,
+            coast: 30,
+            fresh: 10,
+        };
+        let observation = Observation {
+            sighting: Sighting::Absent,
+            age: 900,
+            absent: 900,
+        };
+
+        let next = State::LowConfidence.next(observation, &limits);
+
+        assert_eq!(next, State::LowConfidence);
+    }
+}

@@ -204,7 +204,7 @@ fn write_trace(folder: &Path, pass: &Pass) -> Result<(), Failure> {
         };
         let _ = writeln!(
             text,
-            "{i} plain {} {:.2} flight {} {:.2} presence {:.3} {}{} box {:.0} {:.0} {:.0} {:.0}",
+            "{i} plain {} {:.2} flight {} {:.6} presence {:.4} {}{} box {:.3} {:.3} {:.3} {:.3}",
             shown(&plain.bbox),
             plain.score,
             shown(&flight.bbox),
