@@ -38,9 +38,15 @@ impl Annotation {
     /// Reads a file of boxes and the `meta.json` beside it.
     ///
     /// # Errors
-    /// If either file cannot be used.
+    /// If either file cannot be used, or the boxes are in shares of the picture.
     pub fn read(name: impl Into<String>, path: &Path) -> Result<Annotation, Error> {
         let boxes = text::read_boxes(path)?;
+        let mut usable = boxes.iter().filter(|rect| rect.is_usable()).peekable();
+        let is_share = |rect: &Rect| rect.to_array().iter().all(|value| *value <= 1.0);
+        if usable.peek().is_some() && usable.all(is_share) {
+            let found = "shares of the picture: no number exceeds 1";
+            return Err(Error::content(path, "boxes in pixels", found));
+        }
         let meta = Meta::beside(path)?;
         Ok(Annotation {
             scale: meta.scale,

@@ -35,7 +35,7 @@ pub fn find(root: &Path, notes: &mut Notes) -> Result<Vec<Sequence>, Error> {
     }
     let mut sequences = Vec::new();
     for ((folder, name), paths) in annotations {
-        match sequence(&name, &paths, &tree) {
+        match sequence(&name, &paths, &tree, notes) {
             Ok((annotation, frames)) => sequences.extend(matched(annotation, frames, notes)),
             Err(reason) => notes.add(folder.join(&name).display(), reason),
         }
@@ -72,6 +72,7 @@ fn sequence(
     name: &str,
     paths: &[PathBuf],
     tree: &Tree,
+    notes: &mut Notes,
 ) -> Result<(Annotation, Vec<PathBuf>), String> {
     let path = single(paths)?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -88,7 +89,7 @@ fn sequence(
     };
     let full_name = format!("{}/{name}", last_names(set, 1));
     let annotation = Annotation::read(full_name, path).map_err(|error| error.to_string())?;
-    let frames = pictures::of(dataset, name, path, annotation.boxes.len(), tree)?;
+    let frames = pictures::of(dataset, name, path, annotation.boxes.len(), tree, notes)?;
     Ok((annotation, frames))
 }
 

@@ -65,8 +65,8 @@ pub fn section(diagnosis: &Diagnosis, sheets: &[Sheet]) -> String {
     let mut html = format!(
         "<h2>Diagnosis</h2>\n\
          <p>Shape counts the {} of {} visible frames in which every tracker is on the target \
-         (overlap of at least {}). A slope of 1 follows the target's changes since the first frame, \
-         0 keeps the first frame's shape.</p>\n",
+         (overlap of at least {}). A slope of 1 follows the target's changes since the first \
+         frame, 0 keeps the first frame's shape.</p>\n",
         diagnosis.common_frames,
         diagnosis.visible_frames,
         crate::diagnosis::ON

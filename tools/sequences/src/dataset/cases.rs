@@ -120,8 +120,18 @@ const CASES: &[Case] = &[
         name: "masks of the same names beside the pictures",
         dataset: Dataset::Folder,
         change: |folder| pictures(folder, "b/img", "png"),
+        expected: &[("b", 8)],
+        words: &["b: only the .jpg of 8 .jpg, 8 .png are taken"],
+    },
+    Case {
+        name: "pictures of kinds that do not fit the boxes",
+        dataset: Dataset::Folder,
+        change: |folder| {
+            folder.write("b/img/extra.jpg", "");
+            folder.write("b/img/thumbnail.png", "");
+        },
         expected: &[],
-        words: &["pictures of several kinds for 8 boxes: 8 jpg, 8 png"],
+        words: &["b: left out: pictures of several kinds for 8 boxes: 9 .jpg, 1 .png"],
     },
     Case {
         name: "masks that say so beside the pictures",

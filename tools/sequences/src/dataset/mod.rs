@@ -146,7 +146,7 @@ impl Dataset {
         for (annotation, path) in self.read_annotations(root, &tree, &mut arisen)? {
             let name = annotation.name.clone();
             let boxes = annotation.boxes.len();
-            match pictures::of(self, &name, &path, boxes, &tree) {
+            match pictures::of(self, &name, &path, boxes, &tree, &mut arisen) {
                 Ok(frames) => sequences.extend(matched(annotation, frames, &mut arisen)),
                 Err(reason) => arisen.add(name, format!("left out: {reason}")),
             }

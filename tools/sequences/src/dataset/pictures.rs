@@ -4,11 +4,16 @@ use super::Dataset;
 use super::ranges::{self, Part};
 use super::tree::{Tree, extension};
 use crate::folder::file_name;
+use crate::notes::Notes;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Folders that may hold the pictures within a sequence's own.
 const INNER: [&str; 3] = ["img", "imgs", "color"];
+
+/// Extensions from the likeliest frames to the likeliest masks.
+const FRAMES_FIRST: [&str; 6] = ["jpg", "webp", "bmp", "ppm", "pgm", "png"];
 
 /// The pictures of a sequence with `boxes` annotated frames, or the reason why there are none.
 pub fn of(
@@ -17,22 +22,23 @@ pub fn of(
     annotation: &Path,
     boxes: usize,
     tree: &Tree,
+    notes: &mut Notes,
 ) -> Result<Vec<PathBuf>, String> {
     if dataset.is_beside() {
         let folder = annotation.parent().unwrap_or(Path::new(""));
         let all = beside(folder, tree)?;
         let part = ranges::part(dataset, name).filter(|_| all.len() > boxes);
-        return of_one_kind(cut(all, part), boxes);
+        return of_one_kind(name, cut(all, part), boxes, notes);
     }
     if let Some(all) = named(dataset, name, tree) {
         // A folder of the sequence's own name holds the whole video only where the table says so.
         let part = ranges::part(dataset, name).filter(|part| part.video == name);
-        return of_one_kind(cut(all, part), boxes);
+        return of_one_kind(name, cut(all, part), boxes, notes);
     }
     let part = ranges::part(dataset, name);
     let video = part.map_or(name, |part| part.video);
     match named(dataset, video, tree) {
-        Some(all) => of_one_kind(cut(all, part), boxes),
+        Some(all) => of_one_kind(name, cut(all, part), boxes, notes),
         None => Err(format!(
             "no pictures in a folder {video}, {}",
             INNER.map(|inner| format!("{video}/{inner}")).join(" or ")
@@ -89,39 +95,72 @@ fn beside<'a>(folder: &Path, tree: &'a Tree) -> Result<&'a [PathBuf], String> {
     Err(reason)
 }
 
-/// Pictures of one kind: masks or depth maps beside the frames are told apart by their extension,
-/// or by `mask` in their names.
-fn of_one_kind(all: Vec<PathBuf>, boxes: usize) -> Result<Vec<PathBuf>, String> {
+/// Pictures of one kind: masks or depth maps beside the frames are told apart by their extension, or
+/// by `mask` in their names. The frames are the kind with as many pictures as boxes; the choice
+/// between two such kinds is noted.
+fn of_one_kind(
+    name: &str,
+    all: Vec<PathBuf>,
+    boxes: usize,
+    notes: &mut Notes,
+) -> Result<Vec<PathBuf>, String> {
     if all.len() == boxes {
         return Ok(all);
     }
-    let mut kinds: BTreeMap<(String, bool), Vec<PathBuf>> = BTreeMap::new();
+    let mut kinds: BTreeMap<Kind, Vec<PathBuf>> = BTreeMap::new();
     for path in all {
-        let extension = match &*extension(&path) {
-            "jpeg" => "jpg".to_owned(),
-            other => other.to_owned(),
-        };
-        let is_mask = file_name(&path).to_ascii_lowercase().contains("mask");
-        kinds.entry((extension, is_mask)).or_default().push(path);
+        kinds.entry(Kind::of(&path)).or_default().push(path);
     }
     if kinds.len() <= 1 {
         return Ok(kinds.into_values().next().unwrap_or_default());
     }
     let counts: Vec<String> = kinds
         .iter()
-        .map(|((extension, is_mask), paths)| {
-            let mask = if *is_mask { "mask." } else { "" };
-            format!("{} {mask}{extension}", paths.len())
-        })
+        .map(|(kind, paths)| format!("{} {kind}", paths.len()))
         .collect();
-    kinds.retain(|(_, is_mask), paths| !is_mask && paths.len() == boxes);
-    let count = kinds.len();
-    match kinds.into_values().next() {
-        Some(paths) if count == 1 => Ok(paths),
-        _ => Err(format!(
-            "pictures of several kinds for {boxes} boxes: {}",
-            counts.join(", ")
-        )),
+    let counts = counts.join(", ");
+    kinds.retain(|kind, paths| !kind.is_mask && paths.len() == boxes);
+    let several = kinds.len() > 1;
+    // The map's order puts the likeliest frames first.
+    let Some((kind, paths)) = kinds.into_iter().next() else {
+        return Err(format!(
+            "pictures of several kinds for {boxes} boxes: {counts}"
+        ));
+    };
+    if several {
+        notes.add(name, format!("only the {kind} of {counts} are taken"));
+    }
+    Ok(paths)
+}
+
+/// What tells frames from masks.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Kind {
+    is_mask: bool,
+    /// Place of the extension among [`FRAMES_FIRST`].
+    rank: usize,
+    extension: String,
+}
+
+impl Kind {
+    fn of(path: &Path) -> Kind {
+        let extension = match &*extension(path) {
+            "jpeg" => "jpg".to_owned(),
+            other => other.to_owned(),
+        };
+        let rank = FRAMES_FIRST.iter().position(|known| *known == extension);
+        Kind {
+            is_mask: file_name(path).to_ascii_lowercase().contains("mask"),
+            rank: rank.unwrap_or(FRAMES_FIRST.len()),
+            extension,
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mask = if self.is_mask { "mask " } else { "" };
+        write!(f, "{mask}.{}", self.extension)
     }
 }
 

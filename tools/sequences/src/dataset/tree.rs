@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const MAX_DEPTH: usize = 6;
 
 /// Extensions of pictures.
-const PICTURES: [&str; 5] = ["jpg", "jpeg", "png", "webp", "bmp"];
+const PICTURES: [&str; 7] = ["jpg", "jpeg", "png", "webp", "bmp", "pgm", "ppm"];
 
 /// Pictures by folder in natural order, and texts in order.
 #[derive(Debug, Default)]
