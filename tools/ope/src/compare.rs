@@ -83,7 +83,8 @@ impl Comparison {
                 .sequences
                 .retain(|s| common.contains(s.annotation.name.as_str()));
             if tracker.sequences.len() < before {
-                let (name, left) = (&tracker.tracker, tracker.sequences.len());
+                let name = &tracker.tracker;
+                let left = tracker.sequences.len();
                 let text =
                     format!("compared on {left} of its {before} sequences: those that all have");
                 notes.add(name, text);
@@ -283,7 +284,7 @@ mod tests {
     use testing::Folder;
 
     #[test]
-    fn two_trackers() {
+    fn two_trackers_are_compared_on_common_sequences() {
         let folder = Folder::new("compare");
         for name in ["a", "b", "c"] {
             folder.write(&format!("truth/{name}.txt"), "10,10,20,20\n".repeat(4));
@@ -338,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn annotations_come_in_any_order() {
+    fn comparison_does_not_depend_on_the_order_of_annotations() {
         let folder = Folder::new("compare-order");
         for name in ["a", "b", "c", "d"] {
             folder.write(&format!("truth/{name}.txt"), "10,10,20,20\n".repeat(4));
@@ -348,7 +349,8 @@ mod tests {
             annotation::read_folder(&folder.join("truth"), &mut Notes::default()).unwrap();
         truth.reverse();
         let results = [Results::open(&folder.path().join("x")).unwrap()];
-        let (none, mut notes) = (Attributes::default(), Notes::default());
+        let none = Attributes::default();
+        let mut notes = Notes::default();
         let compared = Comparison::read(
             &truth,
             &results,
@@ -368,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn round_ends_of_axes() {
+    fn axes_end_at_round_numbers() {
         assert_eq!(
             [0.4, 92.0, 100.0, 370.2].map(nice),
             [0.5, 100.0, 100.0, 500.0]

@@ -104,7 +104,7 @@ mod tests {
     use testing::Folder;
 
     #[test]
-    fn every_layout() {
+    fn results_are_exported_in_every_layout() {
         let folder = Folder::new("export");
         folder.write("found/a.txt", "1,2,3,4\n5.5,6,7,8\n");
         folder.write("found/times/a_time.txt", "0.5\n0.25\n");

@@ -69,7 +69,9 @@ impl Flights {
         };
         let flight = Flight::new(config);
         let mut frame = FrameBuffer::default();
-        let (mut boxes, mut anchors, mut hidden) = (Vec::new(), String::new(), String::new());
+        let mut boxes = Vec::new();
+        let mut anchors = String::new();
+        let mut hidden = String::new();
         for i in 0..frames {
             let truth = flight.render(i, &mut frame);
             let path = pictures.join(format!("{:08}.jpg", i + 1));
@@ -118,7 +120,7 @@ mod tests {
     use testing::Folder;
 
     #[test]
-    fn a_benchmark_that_the_loader_reads() {
+    fn rendered_flights_load_as_a_benchmark() {
         let folder = Folder::new("render");
         let flights = Flights {
             seed: 3,

@@ -71,21 +71,25 @@ impl Evaluation {
         missing: Missing,
         notes: &mut Notes,
     ) -> Result<Evaluation, Error> {
-        let (mut sequences, mut times, mut without) = (Vec::new(), Vec::new(), Vec::new());
+        let tracker = results.name();
+        let mut sequences = Vec::new();
+        let mut times = Vec::new();
+        let mut without = Vec::new();
         for annotation in annotations {
             let name = &annotation.name;
             let Some(boxes) = results.boxes(name)? else {
                 without.push(name.as_str());
                 continue;
             };
-            let (annotated, found) = (annotation.boxes.len(), boxes.len());
+            let annotated = annotation.boxes.len();
+            let found = boxes.len();
             if found < annotated {
                 let missing = annotated - found;
                 let text = format!("{missing} of {annotated} frames have no result: misses");
-                notes.add(name, text);
+                notes.add(format!("{tracker}: {name}"), text);
             } else if found > annotated {
                 let text = format!("{found} results for {annotated} frames: the first count");
-                notes.add(name, text);
+                notes.add(format!("{tracker}: {name}"), text);
             }
             times.extend(results.times(name)?);
             sequences.push(Evaluated {
@@ -93,7 +97,6 @@ impl Evaluation {
                 boxes,
             });
         }
-        let tracker = results.name();
         if !without.is_empty() && (missing == Missing::Refuse || sequences.is_empty()) {
             let found = format!("none for {} of them: {}", without.len(), without.join(" "));
             let expected = format!("results of {} sequences", annotations.len());
@@ -208,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_of_the_authors_boxes() {
+    fn authors_boxes_score_as_published() {
         for (dataset, convention, expected) in [
             ("DTB70", Convention::Otb, "83.50 62.64"),
             ("DTB70", Convention::Got10k, "83.43 62.64"),
@@ -237,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn results_are_used_in_whatever_order_annotations_come() {
+    fn annotations_in_any_order_find_their_results() {
         let folder = Folder::new("order");
         for name in ["a", "b", "c", "d"] {
             folder.write(&format!("truth/{name}.txt"), "10,10,20,20\n".repeat(2));
@@ -256,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_over_sequences_and_lengths_are_said() {
+    fn mean_counts_every_sequence_alike_and_lengths_are_noted() {
         let folder = Folder::new("score");
         folder.write("truth/long.txt", "10,10,20,20\n".repeat(10));
         folder.write("truth/short.txt", "\u{feff}10 10 20 20\r\n");
@@ -284,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_results_are_refused_or_said() {
+    fn missing_results_are_refused_or_noted() {
         let folder = Folder::new("score");
         folder.write("truth/a.txt", "10,10,20,20\n");
         folder.write("truth/b.txt", "10,10,20,20\n");
@@ -312,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn sequences_of_nan_alone() {
+    fn sequence_without_a_counted_frame_is_left_out_of_the_mean() {
         let folder = Folder::new("score");
         folder.write("truth/a.txt", "NaN,NaN,NaN,NaN\nNaN,NaN,NaN,NaN\n");
         folder.write("found/a.txt", "1,2,3,4\n1,2,3,4\n");

@@ -20,7 +20,9 @@ impl Speed {
     ///
     /// Times that are not above 0 and finite do not count.
     pub fn of<'a>(sequences: impl IntoIterator<Item = &'a [f64]>) -> Option<Speed> {
-        let (mut rates, mut frames, mut seconds) = (Vec::new(), 0, 0.0);
+        let mut rates = Vec::new();
+        let mut frames = 0;
+        let mut seconds = 0.0;
         for times in sequences {
             let times: Vec<f64> = times
                 .iter()
@@ -49,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_rules() {
+    fn speed_follows_both_rules_and_ignores_unusable_times() {
         let (a, b) = ([0.1, 0.4, 0.0, f64::NAN, -1.0], [0.5, 0.5]);
         let none: [f64; 2] = [0.0, f64::INFINITY];
         let speed = Speed::of([&a[..], &b[..], &none[..]]).unwrap();

@@ -40,7 +40,8 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
     let wrong = |reason: String| failure(&annotation.name, reason);
     let mut tracker = Tracker::with_options(model.clone(), TrackerOptions::of(model));
     let mut before: Option<Rect> = None;
-    let (mut steps, mut started) = (Steps::default(), false);
+    let mut steps = Steps::default();
+    let mut started = false;
     for (i, (path, truth)) in sequence.frames.iter().zip(&annotation.boxes).enumerate() {
         let truth = (annotation.is_present(i) && truth.is_usable()).then_some(*truth);
         let image = decode(path).map_err(wrong)?;
@@ -48,7 +49,8 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
         match (truth, before) {
             (Some(truth), Some(before)) => {
                 let mut near = to_tracker(before).center();
-                let (off, angle) = (OFF * (before.w * before.h).sqrt(), TURN * i as f64);
+                let off = OFF * (before.w * before.h).sqrt();
+                let angle = TURN * i as f64;
                 near.cx += (off * angle.cos()) as f32;
                 near.cy += (off * angle.sin()) as f32;
                 tracker.place(near);
@@ -91,7 +93,7 @@ mod tests {
     use track_cpu::Isa;
 
     #[test]
-    fn an_easy_flight_is_found_in_every_frame_that_has_it() {
+    fn target_of_an_easy_flight_is_found_in_every_visible_frame() {
         let folder = Folder::new("step");
         let flights = Flights {
             seed: 5,

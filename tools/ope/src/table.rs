@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn aligned() {
+    fn columns_are_aligned() {
         let mut table = Table::new(["name", "n"]);
         table.row(["a".into(), "100".into()]);
         assert_eq!(table.to_string(), "name    n\na     100\n");

@@ -115,7 +115,7 @@ fn tracker_that_died_is_behind_the_perfect_one_in_the_table() {
     let cells: Vec<&str> = row.split_whitespace().collect();
     assert_eq!(cells[1..3], ["12.50", "11.90"], "{table}");
     assert!(
-        said.contains("a: 7 of 8 frames have no result: misses"),
+        said.contains("died: a: 7 of 8 frames have no result: misses"),
         "{said}"
     );
 }

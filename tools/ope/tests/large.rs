@@ -23,7 +23,8 @@ fn benchmark(sequences: usize) -> PathBuf {
         fs::create_dir_all(folder.join(at)).unwrap();
     }
     for s in 0..sequences {
-        let (mut truth, mut found) = (String::new(), String::new());
+        let mut truth = String::new();
+        let mut found = String::new();
         for i in 0..1000 {
             writeln!(truth, "{},{},40,30", 100 + i % 300, 100 + s % 50).unwrap();
             writeln!(
@@ -47,7 +48,8 @@ fn benchmark(sequences: usize) -> PathBuf {
 
 /// Scores under all rules, and how long that took.
 fn score(folder: &Path) -> (f64, Duration) {
-    let (began, mut notes) = (Instant::now(), Notes::default());
+    let began = Instant::now();
+    let mut notes = Notes::default();
     let truth = annotation::read_folder(&folder.join("truth"), &mut notes).unwrap();
     let results = Results::open(&folder.join("found")).unwrap();
     let evaluation = Evaluation::read(&truth, &results, Missing::Refuse, &mut notes).unwrap();
@@ -57,8 +59,9 @@ fn score(folder: &Path) -> (f64, Duration) {
 }
 
 #[test]
-fn a_hundred_thousand_frames() {
-    let (small, large) = (benchmark(10), benchmark(100));
+fn hundred_thousand_frames_are_scored_in_seconds() {
+    let small = benchmark(10);
+    let large = benchmark(100);
     score(&small);
     let before = peak_memory();
     let (auc, took) = score(&large);

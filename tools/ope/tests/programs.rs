@@ -36,7 +36,7 @@ fn ope(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
 }
 
 #[test]
-fn from_run_to_page() {
+fn results_go_from_run_to_page() {
     let folder = benchmark("programs");
     let data = ["--dataset", "folder", "--root", "data"];
     let with = |before: &[&'static str], after: &[&'static str]| {
@@ -115,7 +115,7 @@ fn from_run_to_page() {
 /// Killed after the first sequence and started again: nothing is done twice, and the files are
 /// those of one run.
 #[test]
-fn a_killed_run_goes_on() {
+fn killed_run_resumes_without_doing_a_sequence_twice() {
     let folder = benchmark("killed");
     // The tracker notes the first frame of each of its runs.
     let note = "head -n 1 {frames} >> runs; sleep 0.3; ";
@@ -213,7 +213,7 @@ fn flights_are_rendered_tracked_and_scored() {
 }
 
 #[test]
-fn bad_options_and_inputs() {
+fn bad_options_and_inputs_are_refused_with_a_message() {
     let folder = benchmark("bad-programs");
     let run = ["run", "--root", "data", "--out", "out"];
     for (more, code, part) in [

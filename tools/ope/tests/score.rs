@@ -21,7 +21,7 @@ fn score(folder: &PathBuf, options: &[&str]) -> Output {
 }
 
 #[test]
-fn json_of_one_rule_and_of_all() {
+fn json_holds_one_rule_or_all() {
     let folder = folder("json");
     fs::write(
         folder.join("truth/a.txt"),
@@ -46,15 +46,13 @@ fn json_of_one_rule_and_of_all() {
 }
 
 #[test]
-fn a_table_and_remarks_apart_from_it() {
+fn table_goes_to_standard_output_and_notes_to_standard_error() {
     let folder = folder("table");
     fs::write(folder.join("truth/a.txt"), "10,10,20,20\n10,10,20,20\n").unwrap();
     fs::write(folder.join("found/a.txt"), "10,10,20,20\n").unwrap();
     let out = score(&folder, &["--per-sequence"]);
-    let (stdout, stderr) = (
-        String::from_utf8(out.stdout).unwrap(),
-        String::from_utf8(out.stderr).unwrap(),
-    );
+    let stdout = String::from_utf8(out.stdout).unwrap();
+    let stderr = String::from_utf8(out.stderr).unwrap();
     assert!(out.status.success());
     let otb: Vec<_> = stdout
         .lines()
@@ -66,11 +64,14 @@ fn a_table_and_remarks_apart_from_it() {
             .eq(["otb", "50.00", "47.62", "50.00", "50.00", "1"]),
         "{stdout}"
     );
-    assert_eq!(stderr, "note: a: 1 of 2 frames have no result: misses\n");
+    assert_eq!(
+        stderr,
+        "note: found: a: 1 of 2 frames have no result: misses\n"
+    );
 }
 
 #[test]
-fn bad_input_ends_with_a_message() {
+fn bad_input_ends_with_code_3_and_a_message() {
     let folder = folder("bad");
     fs::write(folder.join("truth/a.txt"), "10,10,20,20\n").unwrap();
     let ends = |code: i32, part: &str| {

@@ -250,7 +250,9 @@ pub(crate) fn cast(
         17.0
     };
     let against = kind.speed() * pace * fast * rng.range(0.8, 1.0);
-    let (mut ahead, mut behind, mut facing) = (0.0, 0.0, rng.range(0.2, 1.4) * spread);
+    let mut ahead = 0.0;
+    let mut behind = 0.0;
+    let mut facing = rng.range(0.2, 1.4) * spread;
     for i in 0..count {
         let copy = rng.chance(twins);
         let own = if copy {

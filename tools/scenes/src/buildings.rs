@@ -32,7 +32,8 @@ fn windows(m: &mut Mesh, rng: &mut Rng, x: (f32, f32), half: f32, floors: &[f32]
 
 /// One slope of a roof in rows of tiles: `eave` and `ridge` are its lower and upper edge.
 fn slope(m: &mut Mesh, rng: &mut Rng, eave: (V3, V3), ridge: (V3, V3), color: Rgb) {
-    let (rows, columns) = (6, 5);
+    let rows = 6;
+    let columns = 5;
     let inside = (eave.0 + eave.1 + ridge.0 + ridge.1) * 0.25 + v3(0.0, 0.0, -5.0);
     let at = |i: usize, j: usize| {
         let (u, v) = (i as f32 / columns as f32, j as f32 / rows as f32);
@@ -88,7 +89,9 @@ pub(crate) fn house(rng: &mut Rng, size: V3, barn: bool) -> Mesh {
     } else {
         rng.pick(&roofs)
     };
-    let (a, b, h) = (size.x * 0.5, size.y * 0.5, size.z);
+    let a = size.x * 0.5;
+    let b = size.y * 0.5;
+    let h = size.z;
     let top = h + b * rng.range(0.62, 0.9);
     m.block(ring(-a, a, b, 0.0), ring(-a, a, b, h), coat(wall, 0.0));
     let over = 0.45;
@@ -192,7 +195,9 @@ pub(crate) fn flats(rng: &mut Rng, size: V3) -> Mesh {
         [170.0, 164.0, 152.0],
         [138.0, 142.0, 134.0],
     ]);
-    let (a, b, h) = (size.x * 0.5, size.y * 0.5, size.z);
+    let a = size.x * 0.5;
+    let b = size.y * 0.5;
+    let h = size.z;
     m.block(
         ring(-a, a, b, 0.0),
         ring(-a, a, b, h),
@@ -282,7 +287,8 @@ pub(crate) fn containers(rng: &mut Rng) -> Mesh {
     for row in 0..rng.below(3) + 1 {
         let y = row as f32 * 2.7 - 2.7;
         for level in 0..rng.below(3) + 1 {
-            let (color, z) = (rng.pick(&colors), level as f32 * 2.5);
+            let color = rng.pick(&colors);
+            let z = level as f32 * 2.5;
             m.cuboid((0.0, y), v3(12.0, 2.44, 2.5), z, coat(color, 0.1));
             for i in 0..8 {
                 let x = -5.6 + i as f32 * 1.6;
@@ -317,7 +323,8 @@ pub(crate) fn lamp() -> Mesh {
 /// A grain silo.
 pub(crate) fn silo(rng: &mut Rng) -> Mesh {
     let mut m = Mesh::default();
-    let (r, h) = (rng.range(1.8, 2.8), rng.range(6.0, 10.0));
+    let r = rng.range(1.8, 2.8);
+    let h = rng.range(6.0, 10.0);
     m.drum(12, (r, r), (0.0, h), [190.0, 194.0, 198.0]);
     m.drum(12, (r * 1.04, 0.1), (h, h + r * 0.6), [170.0, 174.0, 180.0]);
     m

@@ -123,7 +123,8 @@ impl Plan {
         let distance = self.distance * (1.0 + m.climb * swing(0, 11.0)).clamp(0.62, 1.7);
         let pitch = (self.pitch + 0.022 * swing(2, 14.0)).clamp(33.0 / 360.0, 74.0 / 360.0);
         let yaw = self.yaw + m.yaw * (seconds / 10.0).min(1e4) + 0.02 * swing(4, 9.0);
-        let (level, drop) = (cos_turns(pitch), sin_turns(pitch));
+        let level = cos_turns(pitch);
+        let drop = sin_turns(pitch);
         let look = v3(cos_turns(yaw) * level, sin_turns(yaw) * level, -drop);
         let position = target - look * distance;
 
@@ -187,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn the_basis_is_orthonormal_and_a_pixel_goes_to_the_ground_and_back() {
+    fn camera_basis_is_orthonormal_and_pixels_go_to_the_ground_and_back() {
         for seed in 0..20 {
             let camera = plan(seed).pose(seed as f32 * 0.7, v3(3.0, -4.0, 0.8));
             for (a, b) in [
@@ -203,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_starts_near_the_middle_and_an_exit_takes_it_out_of_view() {
+    fn target_starts_near_the_middle_and_leaves_the_view_at_an_exit() {
         let mut plan = plan(5);
         let target = v3(0.0, 0.0, 1.0);
         let (x, y, _) = plan.pose(0.0, target).project(target);

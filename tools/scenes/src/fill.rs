@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rectangle_covers_exactly_its_pixels_and_is_clipped() {
+    fn rectangle_covers_exactly_its_pixels_and_is_clipped() {
         let mut area = 0;
         polygon(
             &[(2.0, 3.0), (7.0, 3.0), (7.0, 5.0), (2.0, 5.0)],
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disc_has_its_area() {
+    fn disc_covers_its_area() {
         let mut area = 0;
         ellipse((50.0, 50.0), (20.0, 10.0), 100, 100, |_, a, b| {
             area += b - a

@@ -165,7 +165,8 @@ impl Flight {
         let mut rng = Rng::new(seed, 6);
         let last = self.seconds(usize::MAX);
         let mut occlusions = Vec::new();
-        let (mut at, mut turn) = (rng.range(3.2, 4.0), 0);
+        let mut at = rng.range(3.2, 4.0);
+        let mut turn = 0;
         while at < last - 0.5 && occlusions.len() + self.plan.exits.len() < 24 {
             if self.preset.exits && turn % 2 == 1 {
                 self.plan.exits.push(Exit {

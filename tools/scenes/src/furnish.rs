@@ -29,10 +29,8 @@ impl Builder<'_> {
     fn scatter(&mut self, spacing: f32, chance: f32, clear: f32, ok: impl Fn(f32, f32) -> bool) {
         let conifers = [0.0, 0.15, 0.6, 0.95][self.rng.below(4)];
         let width = (self.extent.x.1 - self.extent.x.0 + 24.0).min(PERIOD);
-        let (nx, ny) = (
-            (width / spacing) as i32,
-            ((self.extent.y.1 - self.extent.y.0 + 24.0) / spacing) as i32,
-        );
+        let nx = (width / spacing) as i32;
+        let ny = ((self.extent.y.1 - self.extent.y.0 + 24.0) / spacing) as i32;
         for j in 0..ny {
             for i in 0..nx {
                 let x = self.extent.x.0 - 12.0 + (i as f32 + self.rng.range(-0.25, 1.1)) * spacing;
@@ -87,10 +85,8 @@ impl Builder<'_> {
             self.park(TargetKind::Car, x + 8.0, t - side * 4.0, true);
             self.park(TargetKind::Van, x - 9.5, t - side * 3.0, true);
             for _ in 0..6 {
-                let (x, t) = (
-                    x + self.rng.range(-26.0, 26.0),
-                    t + side * self.rng.range(-7.0, 22.0),
-                );
+                let x = x + self.rng.range(-26.0, 26.0);
+                let t = t + side * self.rng.range(-7.0, 22.0);
                 if self.free(x, t, 2.0) && self.land.clearance(x, t) > 2.5 {
                     let tree = Tree::round(&mut self.rng, CROWNS);
                     self.tree(x, t, tree);
@@ -152,7 +148,8 @@ impl Builder<'_> {
 
     fn bales(&mut self) {
         for i in 0..14 {
-            let (x, side) = (i as f32 * 55.0 + self.rng.range(0.0, 30.0), self.rng.sign());
+            let x = i as f32 * 55.0 + self.rng.range(0.0, 30.0);
+            let side = self.rng.sign();
             if self.rng.chance(0.5) {
                 continue;
             }
@@ -215,20 +212,16 @@ impl Builder<'_> {
                                 self.rng.pick(&[4.0, 7.0, 10.0]),
                             );
                             let mesh = buildings::flats(&mut self.rng, size);
-                            let (x, t) = (
-                                corner.0 + gap * k,
-                                corner.1 + depth * (0.5 + self.rng.range(-0.1, 0.1)),
-                            );
+                            let x = corner.0 + gap * k;
+                            let t = corner.1 + depth * (0.5 + self.rng.range(-0.1, 0.1));
                             self.place(x, t, self.salt & 1 == 0, mesh);
                         }
                     }
                     BlockKind::CarPark => {
                         for row in 0..3 {
                             for bay in 0..(gap / 2.6) as i32 {
-                                let (x, t) = (
-                                    bay as f32 * 2.6 + 2.6,
-                                    row as f32 * 17.0 + [2.5, 14.5][bay as usize % 2],
-                                );
+                                let x = bay as f32 * 2.6 + 2.6;
+                                let t = row as f32 * 17.0 + [2.5, 14.5][bay as usize % 2];
                                 let inside = x.min(gap - x).min(t).min(depth - t);
                                 if inside > 9.5 && self.rng.chance(0.55) {
                                     self.park(TargetKind::Car, corner.0 + x, corner.1 + t, true);
@@ -402,7 +395,8 @@ impl Builder<'_> {
                 if self.land.clearance(x, t) > 1.5 {
                     self.stand(x, t);
                     if self.rng.chance(0.6) {
-                        let (x, t) = (x + self.rng.range(0.7, 1.3), t + self.rng.range(-0.8, 0.8));
+                        let x = x + self.rng.range(0.7, 1.3);
+                        let t = t + self.rng.range(-0.8, 0.8);
                         self.stand(x, t);
                     }
                 }

@@ -81,7 +81,8 @@ impl<'a> Painter<'a> {
 
     /// Color (unlit by any shadow) and share of open water, at a world point.
     pub fn paint(&self, column: &Column, y: f32) -> (Rgb, f32) {
-        let (x, t) = (column.x, (y - column.line) * column.scale);
+        let x = column.x;
+        let t = (y - column.line) * column.scale;
         let slow = self.noise(x, y, 2.0);
         let middle = self.noise(x, y, 11.0);
         let mut fine = self.noise(x, y, 64.0);

@@ -88,7 +88,9 @@ impl Land {
             let slope = bend * rng.range(0.2, 0.75);
             (k, slope * PERIOD / (k * std::f32::consts::TAU), rng.unit())
         });
-        let (mut water, mut blocks, mut pond) = (None, None, None);
+        let mut water = None;
+        let mut blocks = None;
+        let mut pond = None;
         let mut across = Vec::new();
         let along = match biome {
             Biome::Farmland => {
@@ -108,7 +110,8 @@ impl Land {
                 for i in 0..(PERIOD / gap) as usize {
                     across.push(road((i as f32 + 0.5) * gap, 3.4, 2.0, Asphalt));
                 }
-                let (block, walk) = (rng.range(52.0, 66.0), rng.range(2.0, 3.2));
+                let block = rng.range(52.0, 66.0);
+                let walk = rng.range(2.0, 3.2);
                 blocks = Some((gap, block));
                 // The main street has room for parked cars beside its two lanes.
                 let street =

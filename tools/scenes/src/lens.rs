@@ -41,10 +41,8 @@ pub(crate) fn develop(
     let height = pixels.len() / width.max(1);
     let long = (smear.0 * smear.0 + smear.1 * smear.1).sqrt();
     let clamp = |v: f32| v.round().clamp(-40.0, 40.0) as i32;
-    let (near, far) = (
-        (clamp(smear.0 / 6.0), clamp(smear.1 / 6.0)),
-        (clamp(smear.0 / 2.0), clamp(smear.1 / 2.0)),
-    );
+    let near = (clamp(smear.0 / 6.0), clamp(smear.1 / 6.0));
+    let far = (clamp(smear.0 / 2.0), clamp(smear.1 / 2.0));
     let gain = (noise * 8.0) as i32;
     let table: Vec<i8> = match gain {
         0 => Vec::new(),
@@ -104,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn without_blur_and_noise_the_bytes_are_the_pixels() {
+    fn lens_without_blur_and_noise_keeps_the_pixels() {
         let mut out = [0; 6];
         develop(
             &[0x0003_0201, 0x0006_0504],
@@ -119,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_the_asked_deviation() {
+    fn noise_has_the_given_deviation() {
         let pixels = vec![0x0080_8080; 512 * 64];
         let mut out = vec![0; 3 * pixels.len()];
         develop(&pixels, 512, (0.0, 0.0), 4.0, 9, 3, &mut out);

@@ -49,7 +49,8 @@ impl Map {
         let height = (extent.y.1 - extent.y.0).clamp(8.0, 2.0 * PERIOD);
         let texel = texel.max((width * height / MOST_TEXELS).sqrt());
         let round = |meters: f32| ((meters / texel / 8.0).ceil() as usize).max(1) * 8;
-        let (nx, ny) = (round(width), round(height));
+        let nx = round(width);
+        let ny = round(height);
         // A map of the whole period must repeat exactly.
         let texel = if width >= PERIOD {
             PERIOD / nx as f32
@@ -62,7 +63,8 @@ impl Map {
             let (u, v) = at(i);
             (noise.at(u * 5.0, v * 7.0) * 16.0 + noise.at(u, v) * 8.0).clamp(-40.0, 40.0) as i8
         });
-        let (origin, ripples) = ((extent.x.0, extent.y.0), ripples.collect());
+        let origin = (extent.x.0, extent.y.0);
+        let ripples = ripples.collect();
         Map {
             texel,
             origin,
@@ -85,7 +87,8 @@ impl Map {
     /// Shades the shadow that a polygon in the air throws on the ground, where it falls in the map.
     pub fn cast(&mut self, corners: [V3; 4], sun: V3) {
         let flat = corners.map(|c| self.place(c - sun * (c.z / sun.z)));
-        let (nx, shade) = (self.nx, &mut self.shade);
+        let nx = self.nx;
+        let shade = &mut self.shade;
         fill::polygon(&flat, nx, self.ny, |y, a, b| {
             shade[y * nx + a..y * nx + b].fill(230)
         });
@@ -95,7 +98,8 @@ impl Map {
     pub fn cast_ball(&mut self, middle: V3, radius: f32, sun: V3) {
         let at = self.place(middle - sun * (middle.z / sun.z));
         let r = radius / self.texel;
-        let (nx, shade) = (self.nx, &mut self.shade);
+        let nx = self.nx;
+        let shade = &mut self.shade;
         fill::ellipse(at, (r, r), nx, self.ny, |y, a, b| {
             shade[y * nx + a..y * nx + b]
                 .iter_mut()
@@ -114,7 +118,8 @@ impl Map {
     /// Paints the ground under the shadows cast so far and makes the coarser levels.
     pub fn paint(&mut self, painter: &Painter) {
         self.soften();
-        let (nx, ny) = (self.nx, self.ny);
+        let nx = self.nx;
+        let ny = self.ny;
         let columns: Vec<Column> = (0..nx)
             .map(|i| painter.column(self.origin.0 + (i as f32 + 0.5) * self.texel))
             .collect();
@@ -142,18 +147,21 @@ impl Map {
 
     /// Blurs the shadows' edges.
     fn soften(&mut self) {
-        let (nx, ny) = (self.nx, self.ny);
+        let nx = self.nx;
+        let ny = self.ny;
         let passes = if self.texel < 0.12 { 2 } else { 1 };
         for _ in 0..passes {
             let mut sums = vec![0u16; nx * ny];
             for (sum, row) in sums.chunks_exact_mut(nx).zip(self.shade.chunks_exact(nx)) {
                 for i in 0..nx {
-                    let (l, r) = (row[i.saturating_sub(1)], row[(i + 1).min(nx - 1)]);
+                    let l = row[i.saturating_sub(1)];
+                    let r = row[(i + 1).min(nx - 1)];
                     sum[i] = u16::from(l) + 2 * u16::from(row[i]) + u16::from(r);
                 }
             }
             for j in 0..ny {
-                let (up, low) = (j.saturating_sub(1) * nx, (j + 1).min(ny - 1) * nx);
+                let up = j.saturating_sub(1) * nx;
+                let low = (j + 1).min(ny - 1) * nx;
                 for i in 0..nx {
                     self.shade[j * nx + i] =
                         ((sums[up + i] + 2 * sums[j * nx + i] + sums[low + i]) / 16) as u8;
@@ -217,7 +225,8 @@ impl Map {
                         (p.y / unit * 256.0) as i64 as i32,
                     )
                 };
-                let (w0, w1) = (world(from), world(to));
+                let w0 = world(from);
+                let w1 = world(to);
                 for (i, pixel) in pixels.iter_mut().enumerate() {
                     let mut c = level.sample(at.0, at.1);
                     let water = (c >> 48) as u32;
@@ -262,7 +271,8 @@ impl Map {
 
 impl Level {
     fn halved(&self) -> Level {
-        let (nx, ny) = ((self.nx / 2).max(1), (self.ny / 2).max(1));
+        let nx = (self.nx / 2).max(1);
+        let ny = (self.ny / 2).max(1);
         let mut texels = Vec::with_capacity((nx + 1) * (ny + 1));
         for j in 0..ny {
             let first = texels.len();
@@ -293,10 +303,8 @@ impl Level {
         let j = ((v >> 16) as i32).clamp(0, self.ny as i32 - 1);
         let (a, b) = ((u >> 8 & 255) as u32, (v >> 8 & 255) as u32);
         let at = j as usize * (self.nx + 1) + i as usize;
-        let (top, low) = (
-            &self.texels[at..at + 2],
-            &self.texels[at + self.nx + 1..at + self.nx + 3],
-        );
+        let top = &self.texels[at..at + 2];
+        let low = &self.texels[at + self.nx + 1..at + self.nx + 3];
         bilinear(top, low, a, b)
     }
 }

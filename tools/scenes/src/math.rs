@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_and_remainders_are_the_usual_ones() {
+    fn floor_ceil_and_wrap_agree_with_the_standard_library() {
         for v in [-2.5, -2.0, -0.1, 0.0, 0.9, 1.0, 7.3f32] {
             assert_eq!(floor(v) as f32, v.floor());
             assert_eq!(ceil(v) as f32, v.ceil().max(0.0));
@@ -214,7 +214,8 @@ mod tests {
 
     #[test]
     fn lanes_hold_a_color_and_corners_are_exact() {
-        let (c, d) = (0x8012_fe7f, 0xffff_ffff);
+        let c = 0x8012_fe7f;
+        let d = 0xffff_ffff;
         assert_eq!(gathered(spread(c)), c);
         assert_eq!(gathered(lerp_lanes(spread(c), spread(d), 256)), d);
         assert_eq!(gathered(bilinear(&[c, d], &[d, d], 0, 0)), c);

@@ -86,7 +86,8 @@ impl Mesh {
                 v3(r.back, r.half, r.z_back),
             ]
         };
-        let (l, h) = (corners(lo), corners(hi));
+        let l = corners(lo);
+        let h = corners(hi);
         let inside = (0..4).fold(V3::default(), |sum, i| sum + (l[i] + h[i]) * 0.125);
         for (i, color) in [coat.side, coat.front, coat.side, coat.back]
             .into_iter()
@@ -101,7 +102,8 @@ impl Mesh {
     /// A box given by its middle on the ground, its size and the height of its foot.
     pub fn cuboid(&mut self, middle: (f32, f32), size: V3, z: f32, coat: Coat) {
         let first = self.faces.len();
-        let (a, half) = (size.x * 0.5, size.y * 0.5);
+        let a = size.x * 0.5;
+        let half = size.y * 0.5;
         self.block(ring(-a, a, half, z), ring(-a, a, half, z + size.z), coat);
         self.shift(first, v3(middle.0, middle.1, 0.0));
     }

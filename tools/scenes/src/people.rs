@@ -77,7 +77,8 @@ impl Look {
         ];
         let inside = (a + b) * 0.5;
         for i in 0..4 {
-            let (p, q) = (ends[i], ends[(i + 1) % 4]);
+            let p = ends[i];
+            let q = ends[(i + 1) % 4];
             m.quad([a + p, a + q, b + q, b + p], inside, color, 0.0);
         }
         m.quad(ends.map(|e| a + e), inside, color, 0.0);
@@ -192,11 +193,9 @@ impl Look {
                 Self::limb(&mut m, at(i), at(i + 1), 0.025, [34.0, 34.0, 36.0]);
             }
         }
-        let (saddle, crank, bar) = (
-            v3(-0.22, 0.0, 0.95),
-            v3(-0.08, 0.0, 0.34),
-            v3(0.4, 0.0, 1.02),
-        );
+        let saddle = v3(-0.22, 0.0, 0.95);
+        let crank = v3(-0.08, 0.0, 0.34);
+        let bar = v3(0.4, 0.0, 1.02);
         for (a, b) in [
             (saddle, crank),
             (crank, bar),

@@ -193,7 +193,8 @@ impl Frame {
         };
         let k = region.fineness as f32;
         self.clear(&region);
-        let (sun, eye) = (palette.sun, camera.position);
+        let sun = palette.sun;
+        let eye = camera.position;
         let near_shade = 1.0 - 0.8 * stand.shade * palette.direct;
         for face in &mesh.faces {
             let world = face
@@ -295,7 +296,8 @@ impl Frame {
     /// A soft spot on the ground (foam, dust): strongest in the middle, 0 at the edge.
     pub fn spot(&mut self, center: (f32, f32), radius: (f32, f32), color: Rgb, strength: f32) {
         let radius = (radius.0.clamp(0.5, 300.0), radius.1.clamp(0.5, 300.0));
-        let (packed, width) = (pack(color, 0), self.width);
+        let packed = pack(color, 0);
+        let width = self.width;
         let pixels = &mut self.pixels;
         fill::ellipse(center, radius, width, self.height, |y, a, b| {
             let v = (y as f32 + 0.5 - center.1) / radius.1;
@@ -322,7 +324,8 @@ impl Frame {
             fineness,
         };
         self.clear(&region);
-        let (n, k) = (side * fineness, scale * fineness as f32);
+        let n = side * fineness;
+        let k = scale * fineness as f32;
         let middle = 0.5 * n as f32;
         // A small crown needs fewer, larger tufts.
         let step = if scale < 10.0 {
@@ -333,7 +336,8 @@ impl Frame {
             1
         };
         let swell = [1.0, 1.0, 1.35, 1.6][step];
-        let (depth, samples) = (&mut self.depth, &mut self.samples);
+        let depth = &mut self.depth;
+        let samples = &mut self.samples;
         for tuft in crown.tufts.iter().step_by(step) {
             let at = (
                 middle + k * tuft.at.dot(camera.right),
@@ -354,7 +358,8 @@ impl Frame {
                 }
             });
         }
-        let (mut pixels, mut spans) = (Vec::with_capacity(side * side), Vec::with_capacity(side));
+        let mut pixels = Vec::with_capacity(side * side);
+        let mut spans = Vec::with_capacity(side);
         for j in 0..side {
             let mut span = (side as u16, 0);
             for i in 0..side {
@@ -394,7 +399,8 @@ impl Frame {
         let y1 = ((center.1 + half).ceil().max(0.0) as usize).min(self.height);
         let inverse = 1.0 / scale;
         let step = (inverse * 65536.0) as i32;
-        let (haze_color, haze_share) = (spread(pack(haze.0, 255)), (haze.1 * 256.0) as u32);
+        let haze_color = spread(pack(haze.0, 255));
+        let haze_share = (haze.1 * 256.0) as u32;
         let hides = self
             .mask
             .as_ref()
@@ -404,22 +410,23 @@ impl Frame {
             if v < 0.0 {
                 continue;
             }
-            let (j, b) = (v as usize, (v.fract() * 256.0) as u32);
+            let j = v as usize;
+            let b = (v.fract() * 256.0) as u32;
             if j + 1 >= sprite.side {
                 continue;
             }
-            let (s0, s1) = (sprite.spans[j], sprite.spans[j + 1]);
+            let s0 = sprite.spans[j];
+            let s1 = sprite.spans[j + 1];
             let span = (f32::from(s0.0.min(s1.0)), f32::from(s0.1.max(s1.1)));
             let left = x0.max((center.0 - half + span.0 * scale - scale - 1.0).max(0.0) as usize);
             let right = x1.min((center.0 - half + span.1 * scale + scale + 1.0).max(0.0) as usize);
-            let (top, low) = (
-                &sprite.pixels[j * sprite.side..][..sprite.side],
-                &sprite.pixels[(j + 1) * sprite.side..][..sprite.side],
-            );
+            let top = &sprite.pixels[j * sprite.side..][..sprite.side];
+            let low = &sprite.pixels[(j + 1) * sprite.side..][..sprite.side];
             let pixels = &mut self.pixels[y * self.width..][..self.width];
             let mut u = (((left as f32 + 0.5 - center.0 + half) * inverse - 0.5) * 65536.0) as i32;
             for (x, pixel) in pixels.iter_mut().enumerate().take(right).skip(left) {
-                let (i, a) = ((u >> 16) as usize, (u >> 8 & 255) as u32);
+                let i = (u >> 16) as usize;
+                let a = (u >> 8 & 255) as u32;
                 u = u.wrapping_add(step);
                 if i >= sprite.side - 1 {
                     continue;
@@ -469,7 +476,8 @@ impl Frame {
                 (v.2 * u.0 - u.2 * v.0) / area,
             )
         };
-        let (one, two) = (slopes(a, b, c), slopes(a, c, d));
+        let one = slopes(a, b, c);
+        let two = slopes(a, c, d);
         let (area, dx, dy) = if one.0.abs() > two.0.abs() { one } else { two };
         if area.abs() < 1e-6 {
             return;
@@ -479,7 +487,8 @@ impl Frame {
             region.height * region.fineness,
         );
         let outline = corners.map(|p| (p.0, p.1));
-        let (depth, samples) = (&mut self.depth, &mut self.samples);
+        let depth = &mut self.depth;
+        let samples = &mut self.samples;
         fill::polygon(&outline, w, h, |y, from, to| {
             let mut near = a.2 + (from as f32 + 0.5 - a.0) * dx + (y as f32 + 0.5 - a.1) * dy;
             let row = y * w;
@@ -498,7 +507,9 @@ impl Frame {
     /// Sum of the covered samples' colors in a pixel of the region, and their number.
     #[inline(always)]
     fn gather<const N: usize>(&self, region: &Region, i: usize, j: usize) -> ([u32; 3], u32) {
-        let (mut even, mut green, mut covered) = (0, 0, 0);
+        let mut even = 0;
+        let mut green = 0;
+        let mut covered = 0;
         let stride = region.width * N;
         for row in 0..N {
             let first = (j * N + row) * stride + i * N;
@@ -518,7 +529,8 @@ impl Frame {
 
     /// Number of covered samples in a pixel of the region.
     fn covered(&self, region: &Region, i: usize, j: usize) -> u32 {
-        let (n, stride) = (region.fineness, region.width * region.fineness);
+        let n = region.fineness;
+        let stride = region.width * region.fineness;
         let row = |r: usize| &self.depth[(j * n + r) * stride + i * n..][..n];
         (0..n).flat_map(row).map(|&d| u32::from(d > 0.0)).sum()
     }

@@ -39,7 +39,8 @@ fn frames_of_one_seed_are_the_same_bytes_in_any_order() {
             Flight::new(small(seed, Difficulty::Hard)),
             Flight::new(small(seed, Difficulty::Hard)),
         );
-        let (mut frame, mut other) = (FrameBuffer::default(), FrameBuffer::default());
+        let mut frame = FrameBuffer::default();
+        let mut other = FrameBuffer::default();
         let in_order: Vec<_> = (0..a.len())
             .map(|i| (a.render(i, &mut frame), frame.clone()))
             .collect();
@@ -79,7 +80,8 @@ fn changed(flight: &Flight, index: usize) -> Option<(Bounds, usize)> {
             )
             .0
     };
-    let (with, without) = (draw(true), draw(false));
+    let with = draw(true);
+    let without = draw(false);
     let mut bounds = Bounds::EMPTY;
     let mut count = 0;
     for (at, _) in with
@@ -142,7 +144,8 @@ fn true_box_bounds_the_pixels_that_the_target_changes() {
 
 #[test]
 fn visible_share_is_the_share_of_the_targets_pixels_that_change() {
-    let (mut hidden, mut partial) = (0, 0);
+    let mut hidden = 0;
+    let mut partial = 0;
     for seed in 0..40 {
         let flight = Flight::unpainted(config(seed, Difficulty::Hard));
         for &seconds in &flight.occlusions {

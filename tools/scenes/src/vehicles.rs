@@ -96,10 +96,8 @@ pub(crate) fn car(rng: &mut Rng, paint: Rgb) -> Mesh {
         body,
     );
     // Cabin of glass, a painted roof and pillars.
-    let (roof_back, roof_front) = (
-        [-a * 0.36, -a * 0.72, -a * 0.84, -a * 0.80][shape],
-        a * [0.06, 0.08, 0.08, 0.12][shape],
-    );
+    let roof_back = [-a * 0.36, -a * 0.72, -a * 0.84, -a * 0.80][shape];
+    let roof_front = a * [0.06, 0.08, 0.08, 0.12][shape];
     let roof_half = half - 0.2;
     let glass = Coat {
         front: [62.0, 76.0, 88.0],
@@ -124,7 +122,8 @@ pub(crate) fn car(rng: &mut Rng, paint: Rgb) -> Mesh {
     );
     let pillar = |m: &mut Mesh, x0: f32, x1: f32, width: f32| {
         for side in [-1.0, 1.0] {
-            let (y0, y1) = (side * (half - 0.055), side * (roof_half + 0.015));
+            let y0 = side * (half - 0.055);
+            let y1 = side * (roof_half + 0.015);
             let p = [
                 v3(x0, y0, belt),
                 v3(x0 + width, y0, belt),
@@ -172,7 +171,9 @@ pub(crate) fn car(rng: &mut Rng, paint: Rgb) -> Mesh {
 /// A delivery van.
 pub(crate) fn van(rng: &mut Rng, paint: Rgb) -> Mesh {
     let mut m = Mesh::default();
-    let (a, half, tall) = (rng.range(2.5, 2.95), 0.98, rng.range(2.1, 2.5));
+    let a = rng.range(2.5, 2.95);
+    let half = 0.98;
+    let tall = rng.range(2.1, 2.5);
     let body = coat(paint, 0.4);
     m.block(
         ring(-a, a, half - 0.04, 0.25),
@@ -237,7 +238,8 @@ pub(crate) fn van(rng: &mut Rng, paint: Rgb) -> Mesh {
 /// A lorry: cab, and a box, tarpaulin or tank behind it.
 pub(crate) fn truck(rng: &mut Rng, paint: Rgb) -> Mesh {
     let mut m = Mesh::default();
-    let (a, half) = (rng.range(3.8, 6.2), 1.22);
+    let a = rng.range(3.8, 6.2);
+    let half = 1.22;
     m.block(
         ring(-a, a, 0.8, 0.45),
         ring(-a, a, 0.8, 0.95),
@@ -350,7 +352,9 @@ pub(crate) fn bus(rng: &mut Rng) -> Mesh {
         [226.0, 228.0, 228.0],
         [52.0, 94.0, 164.0],
     ]);
-    let (a, half, tall) = (rng.range(5.2, 6.1), 1.26, 3.05);
+    let a = rng.range(5.2, 6.1);
+    let half = 1.26;
+    let tall = 3.05;
     m.block(
         ring(-a, a, half - 0.05, 0.3),
         ring(-a, a, half, 1.25),

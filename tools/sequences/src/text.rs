@@ -200,7 +200,9 @@ fn polygon(corners: &[(f64, f64); 4]) -> Option<Rect> {
         return Some(rect);
     }
     let is_corner = |i: usize| {
-        let (a, b, c) = (corners[i], corners[(i + 1) % 4], corners[(i + 2) % 4]);
+        let a = corners[i];
+        let b = corners[(i + 1) % 4];
+        let c = corners[(i + 2) % 4];
         (b.0 - a.0) * (c.1 - b.1) != (b.1 - a.1) * (c.0 - b.0)
     };
     (0..4).all(is_corner).then_some(rect)

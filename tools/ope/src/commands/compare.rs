@@ -39,7 +39,8 @@ pub fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
         &mut notes,
     )?;
     if !args.names.is_empty() {
-        let (given, wanted) = (args.names.len(), comparison.trackers.len());
+        let given = args.names.len();
+        let wanted = comparison.trackers.len();
         if given != wanted {
             let expected = format!("{wanted} names, one per folder of results");
             return Err(Error::Option {
@@ -48,8 +49,9 @@ pub fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
                 found: given.to_string(),
             });
         }
-        let pairs = comparison.trackers.iter_mut().zip(&args.names);
-        pairs.for_each(|(tracker, name)| tracker.tracker.clone_from(name));
+        for (tracker, name) in comparison.trackers.iter_mut().zip(&args.names) {
+            tracker.tracker.clone_from(name);
+        }
     }
     eprint!("{notes}");
     Ok(comparison)
@@ -108,7 +110,8 @@ fn tables(comparison: &Comparison) -> String {
         "FPS (frames / time)",
     ]);
     for i in comparison.ranking() {
-        let (score, speed) = (&comparison.scores[i], comparison.trackers[i].speed);
+        let score = &comparison.scores[i];
+        let speed = comparison.trackers[i].speed;
         let mut row = vec![names[i].to_owned()];
         row.extend([score.precision, score.auc, score.norm_precision].map(|v| format!("{v:.2}")));
         let rates = speed.map(|s| [s.mean_of_rates, s.frames_per_time].map(|v| format!("{v:.1}")));
@@ -136,18 +139,18 @@ fn tables(comparison: &Comparison) -> String {
     let attributes = comparison.per_attribute();
     if !attributes.is_empty() {
         let mut table = header("AUC per attribute, then differences to the first");
-        attributes.iter().for_each(|(name, count, pairs)| {
-            table.row(
-                [format!("{name} ({count})")]
-                    .into_iter()
-                    .chain(cells(pairs)),
-            );
-        });
+        for (name, count, pairs) in &attributes {
+            let mut row = vec![format!("{name} ({count})")];
+            row.extend(cells(pairs));
+            table.row(row);
+        }
         text += &format!("\n{table}");
     }
     let mut table = header("AUC per sequence, then differences to the first");
-    comparison.per_sequence().iter().for_each(|(name, pairs)| {
-        table.row([name.clone()].into_iter().chain(cells(pairs)));
-    });
+    for (name, pairs) in comparison.per_sequence() {
+        let mut row = vec![name];
+        row.extend(cells(&pairs));
+        table.row(row);
+    }
     text + &format!("\n{table}")
 }

@@ -49,7 +49,9 @@ pub fn run(args: &StepArgs) -> Result<(), Error> {
         let [found, iou] = percent;
         table.row([name.to_owned(), s.frames.to_string(), found, iou]);
     };
-    all.iter().for_each(|(name, steps)| row(name, steps));
+    for (name, steps) in &all {
+        row(name, steps);
+    }
     row("mean", &mean);
     super::print(&table.to_string())
 }

@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn longest_run() {
+    fn longest_run_of_lost_frames_is_found() {
         assert_eq!(
             longest(&[false, true, false, true, true, true, false, true]),
             Some((3, 3))

@@ -98,7 +98,8 @@ fn summary(comparison: &Comparison) -> String {
         "FPS (frames / time)",
     ];
     let row = |i: usize| {
-        let (score, speed) = (&comparison.scores[i], comparison.trackers[i].speed);
+        let score = &comparison.scores[i];
+        let speed = comparison.trackers[i].speed;
         let mut row = vec![tracker(comparison, i)];
         row.extend(
             [

@@ -7,7 +7,7 @@ use sequences::{Convention, Notes};
 use testing::Folder;
 
 #[test]
-fn a_page_of_two_trackers() {
+fn page_of_two_trackers_stands_alone_and_escapes_names() {
     let folder = Folder::new("report");
     let frame = folder.write(
         "f.ppm",
@@ -19,7 +19,8 @@ fn a_page_of_two_trackers() {
     folder.write("two/<b>&.txt", "1,1,3,3\n1,1,3,3\n1,1,3,3\n");
     let results = ["one", "two"].map(|at| Results::open(&folder.path().join(at)).unwrap());
     let mut notes = Notes::default();
-    let (rule, truth) = (Convention::Got10k, [annotation.clone()]);
+    let rule = Convention::Got10k;
+    let truth = [annotation.clone()];
     let compared = Comparison::read(
         &truth,
         &results,

@@ -31,7 +31,9 @@ impl CommandLine {
     /// # Errors
     /// Says what is wrong, if it is empty or a quote does not end.
     pub fn parse(text: &str) -> Result<CommandLine, String> {
-        let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+        let mut words = Vec::new();
+        let mut word = None::<String>;
+        let mut quote = None;
         for c in text.chars() {
             match quote {
                 Some(q) if c == q => quote = None,
@@ -112,10 +114,11 @@ impl CommandLine {
         ];
         let mut command = self.command(&values);
         command.stdin(Stdio::null());
-        match self.words.iter().any(|word| word.contains("{out}")) {
-            true => command.stdout(Stdio::null()),
-            false => command.stdout(fs::File::create(&out).map_err(Error::unwritable(&out))?),
-        };
+        if self.words.iter().any(|word| word.contains("{out}")) {
+            command.stdout(Stdio::null());
+        } else {
+            command.stdout(fs::File::create(&out).map_err(Error::unwritable(&out))?);
+        }
         let failed = |reason: String| failure(name, format!("{}: {reason}", self.program()));
         let child = command.spawn().map_err(|error| failed(error.to_string()))?;
         let limit =
@@ -138,7 +141,8 @@ impl CommandLine {
 
 /// Waits for the program's end; one that takes longer than `limit` is ended.
 fn wait(mut child: Child, limit: Duration) -> Result<ExitStatus, String> {
-    let (began, mut pause) = (Instant::now(), Duration::from_millis(1));
+    let began = Instant::now();
+    let mut pause = Duration::from_millis(1);
     loop {
         match child.try_wait().map_err(|error| error.to_string())? {
             Some(status) => return Ok(status),
@@ -176,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_and_quotes() {
+    fn command_line_is_split_at_blanks_outside_quotes() {
         let words = |text: &str| CommandLine::parse(text).map(|command| command.words);
         assert_eq!(
             words("  a b\t'c d' \"e 'f\"g '' ").unwrap(),

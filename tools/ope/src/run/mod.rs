@@ -151,7 +151,8 @@ pub fn run(
     let todo: Vec<&Sequence> = mine
         .filter(|s| !results.is_whole(&s.annotation.name, s.frames.len()))
         .collect();
-    let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let next = AtomicUsize::new(0);
+    let failed = AtomicUsize::new(0);
     let work = || {
         while let Some(sequence) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
             let name = &sequence.annotation.name;
@@ -168,7 +169,11 @@ pub fn run(
             }
         }
     };
-    thread::scope(|scope| (0..jobs.get().min(todo.len())).for_each(|_| drop(scope.spawn(work))));
+    thread::scope(|scope| {
+        for _ in 0..jobs.get().min(todo.len()) {
+            scope.spawn(work);
+        }
+    });
     match failed.into_inner() {
         0 => Ok(todo.len()),
         failed => Err(Error::Failed {
@@ -181,12 +186,11 @@ pub fn run(
 fn describe(name: &str, outcome: &Outcome) -> String {
     let seconds: f64 = outcome.seconds.iter().sum();
     let frames = outcome.boxes.len();
-    match seconds > 0.0 {
-        true => format!(
-            "{name}: {frames} frames, {:.1} FPS",
-            frames as f64 / seconds
-        ),
-        false => format!("{name}: {frames} frames"),
+    if seconds > 0.0 {
+        let fps = frames as f64 / seconds;
+        format!("{name}: {frames} frames, {fps:.1} FPS")
+    } else {
+        format!("{name}: {frames} frames")
     }
 }
 
@@ -206,7 +210,8 @@ impl Runner {
             Runner::Builtin(model) => builtin::track(model, sequence, *first)?,
             Runner::Program(program) => program.track(sequence, *first, folder)?,
         };
-        let (frames, boxes) = (sequence.frames.len(), outcome.boxes.len());
+        let frames = sequence.frames.len();
+        let boxes = outcome.boxes.len();
         if frames != boxes {
             return Err(failure(
                 name,

@@ -110,7 +110,8 @@ impl Server {
         };
         let (sender, from) = sync_channel(AHEAD);
         thread::spawn(move || {
-            let (mut out, mut line) = (BufReader::new(out), Vec::new());
+            let mut out = BufReader::new(out);
+            let mut line = Vec::new();
             while let Some(read) = trax::read(&mut out, &mut line).transpose() {
                 let broken = read.is_err();
                 if sender
@@ -135,12 +136,11 @@ impl Server {
     /// The messages that give an object and its picture.
     fn beginning(&self, image: String, first: Rect) -> Vec<Message> {
         let Rect { x, y, w, h } = first;
-        let region = match self.takes_rectangles {
-            true => Rectangle::new(x, y, w, h).to_string(),
-            false => {
-                let (right, bottom) = (x + w, y + h);
-                format!("{x:.4},{y:.4},{right:.4},{y:.4},{right:.4},{bottom:.4},{x:.4},{bottom:.4}")
-            }
+        let region = if self.takes_rectangles {
+            Rectangle::new(x, y, w, h).to_string()
+        } else {
+            let (right, bottom) = (x + w, y + h);
+            format!("{x:.4},{y:.4},{right:.4},{y:.4},{right:.4},{bottom:.4},{x:.4},{bottom:.4}")
         };
         let initialize = Message::new(Kind::Initialize);
         match self.version {

@@ -43,7 +43,7 @@ fn run_command(
 const ECHO: &str = "sh -c 'for f in $(cat {frames}); do echo {init}; done'";
 
 #[test]
-fn shards() {
+fn shards_parse_and_hold_equal_parts() {
     assert_eq!("2/4".parse(), Ok(Shard { index: 2, count: 4 }));
     for bad in ["0/4", "5/4", "1", "a/b", "1/0", "-1/2"] {
         assert!(bad.parse::<Shard>().is_err(), "{bad}");
@@ -53,9 +53,10 @@ fn shards() {
 }
 
 #[test]
-fn what_is_there_is_not_done_again() {
+fn finished_sequences_are_not_run_again() {
     let folder = Folder::new("run");
-    let (sequences, out) = (sequences(&folder), folder.path().join("out"));
+    let sequences = sequences(&folder);
+    let out = folder.path().join("out");
     assert_eq!(run_command(&sequences, "1/1", ECHO, &out).0, Ok(3));
     let text = std::fs::read_to_string(out.join("b.txt")).unwrap();
     assert_eq!(text, "1.000,2.000,30.000,40.500\n".repeat(3));
@@ -67,7 +68,7 @@ fn what_is_there_is_not_done_again() {
 }
 
 #[test]
-fn shards_merged_are_one_run() {
+fn merged_shards_equal_one_run() {
     let folder = Folder::new("run");
     let (sequences, at) = (sequences(&folder), |name: &str| folder.path().join(name));
     let timed = "sh -c 'for f in 1 2 3; do echo {init} >> {out}; echo 0.5 >> {times}; done'";
@@ -90,9 +91,10 @@ fn shards_merged_are_one_run() {
 }
 
 #[test]
-fn failures_are_told_and_the_others_run() {
+fn failed_sequence_is_told_and_the_others_run() {
     let folder = Folder::new("run");
-    let (mut sequences, out) = (sequences(&folder), folder.path().join("out"));
+    let mut sequences = sequences(&folder);
+    let out = folder.path().join("out");
     sequences[0].annotation.boxes[0].w = f64::NAN;
     let command = "sh -c 'echo {init}; case {folder} in */b);; *) echo {init}; echo {init};; esac'";
     let (done, told) = run_command(&sequences, "1/1", command, &out);
@@ -119,7 +121,7 @@ fn failures_are_told_and_the_others_run() {
 }
 
 #[test]
-fn the_built_in_tracker_runs_on_files() {
+fn built_in_tracker_runs_on_files() {
     let folder = Folder::new("builtin");
     // A bright square on noise, moving to the right.
     let picture = |shift: usize| {
@@ -183,7 +185,7 @@ fn server(version: &str, more: &str) -> String {
 }
 
 #[test]
-fn programs_that_speak_trax() {
+fn programs_that_speak_trax_are_led_through_a_sequence() {
     let folder = Folder::new("trax");
     let (sequences, at) = (sequences(&folder), |name: &str| folder.path().join(name));
     for (version, third) in [("1", "3.000"), ("3", "3.000"), ("4", "4.000")] {
@@ -239,7 +241,7 @@ fn programs_that_speak_trax() {
 }
 
 #[test]
-fn programs_that_hang_are_ended() {
+fn programs_that_hang_are_killed_at_the_timeout() {
     let folder = Folder::new("hang");
     let sequences = sequences(&folder);
     let began = std::time::Instant::now();

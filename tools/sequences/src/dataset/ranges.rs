@@ -96,10 +96,8 @@ mod tests {
             .skip(1)
             .filter_map(|line| line.split(',').next())
         {
-            let (all, tenth) = (
-                part(Dataset::Uav123, name).unwrap(),
-                part(Dataset::Uav123At10Fps, name).unwrap(),
-            );
+            let all = part(Dataset::Uav123, name).unwrap();
+            let tenth = part(Dataset::Uav123At10Fps, name).unwrap();
             assert_eq!(tenth.first, (all.first - 1) / 3 + 1, "{name}");
             assert_eq!(tenth.last, (all.last - 1) / 3 + 1, "{name}");
         }

@@ -88,7 +88,9 @@ pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
 
 /// A polygon per series over spokes; values in percent of the radius.
 pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
-    let (cx, cy, radius) = (WIDTH / 2.0, HEIGHT / 2.0 + 8.0, 118.0);
+    let cx = WIDTH / 2.0;
+    let cy = HEIGHT / 2.0 + 8.0;
+    let radius = 118.0;
     let at = |i: usize, percent: f64| {
         let angle = std::f64::consts::TAU * i as f64 / spokes.len() as f64;
         let r = radius * percent / 100.0;
