@@ -5,8 +5,8 @@ use ope::{Evaluation, Results};
 use sequences::{Convention, Notes, annotation};
 use std::fmt::Write;
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use testing::Folder;
 
 /// Most memory this process has held so far, in bytes; known on Linux only.
 fn peak_memory() -> Option<u64> {
@@ -16,12 +16,8 @@ fn peak_memory() -> Option<u64> {
 }
 
 /// Sequences of 1000 frames whose results are off by up to 40 pixels.
-fn benchmark(sequences: usize) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("large-{sequences}"));
-    let _ = fs::remove_dir_all(&folder);
-    for at in ["truth", "found/times"] {
-        fs::create_dir_all(folder.join(at)).unwrap();
-    }
+fn benchmark(sequences: usize) -> Folder {
+    let folder = Folder::new("large");
     for s in 0..sequences {
         let mut truth = String::new();
         let mut found = String::new();
@@ -35,19 +31,16 @@ fn benchmark(sequences: usize) -> PathBuf {
             )
             .unwrap();
         }
-        fs::write(folder.join(format!("truth/s{s:03}.txt")), truth).unwrap();
-        fs::write(folder.join(format!("found/s{s:03}.txt")), found).unwrap();
-        fs::write(
-            folder.join(format!("found/times/s{s:03}_time.txt")),
-            "0.01000000\n".repeat(1000),
-        )
-        .unwrap();
+        folder.write(&format!("truth/s{s:03}.txt"), truth);
+        folder.write(&format!("found/s{s:03}.txt"), found);
+        let times = "0.01000000\n".repeat(1000);
+        folder.write(&format!("found/times/s{s:03}_time.txt"), times);
     }
     folder
 }
 
 /// Scores under all rules, and how long that took.
-fn score(folder: &Path) -> (f64, Duration) {
+fn score(folder: &Folder) -> (f64, Duration) {
     let began = Instant::now();
     let mut notes = Notes::default();
     let truth = annotation::read_folder(&folder.join("truth"), &mut notes).unwrap();

@@ -2,32 +2,28 @@
 //! small benchmark.
 
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::Command;
+use testing::Folder;
 
 const ECHO: &str = "sh -c 'for f in $(cat {frames}); do echo {init}; echo 0.01 >> {times}; done'";
 
 /// Three sequences of three frames each, whose pictures nobody opens.
-fn benchmark(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_dir_all(&folder);
+fn benchmark(name: &str) -> Folder {
+    let folder = Folder::new(name);
     for sequence in ["a", "b", "c"] {
-        let at = folder.join("data").join(sequence);
-        fs::create_dir_all(at.join("img")).unwrap();
-        fs::write(
-            at.join("groundtruth_rect.txt"),
-            "10\t10\t20\t20\n".repeat(3),
-        )
-        .unwrap();
-        (1..=3).for_each(|i| fs::write(at.join(format!("img/{i:04}.jpg")), "").unwrap());
+        let boxes = "10\t10\t20\t20\n".repeat(3);
+        folder.write(&format!("data/{sequence}/groundtruth_rect.txt"), boxes);
+        for i in 1..=3 {
+            folder.write(&format!("data/{sequence}/img/{i:04}.jpg"), "");
+        }
     }
     folder
 }
 
 /// Runs `ope` and returns its exit code, standard output and standard error.
-fn ope(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
+fn ope(folder: &Folder, args: &[&str]) -> (Option<i32>, String, String) {
     let out = Command::new(env!("CARGO_BIN_EXE_ope"))
-        .current_dir(folder)
+        .current_dir(folder.path())
         .args(args)
         .output()
         .unwrap();
@@ -122,7 +118,7 @@ fn killed_run_resumes_without_doing_a_sequence_twice() {
     let tracker = format!("sh -c '{note}{}'", &ECHO["sh -c '".len()..ECHO.len() - 1]);
     let run = |out: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ope"));
-        command.current_dir(&folder).args([
+        command.current_dir(folder.path()).args([
             "run",
             "--dataset",
             "folder",

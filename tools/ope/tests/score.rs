@@ -1,38 +1,28 @@
 //! The program `ope score`: what it prints, how it ends.
 
-use std::fs;
-use std::path::PathBuf;
 use std::process::{Command, Output};
+use testing::Folder;
 
-fn folder(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_dir_all(&path);
-    fs::create_dir_all(path.join("truth")).unwrap();
-    fs::create_dir_all(path.join("found")).unwrap();
-    path
-}
-
-fn score(folder: &PathBuf, options: &[&str]) -> Output {
+fn score(folder: &Folder, options: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ope"));
-    command
-        .current_dir(folder)
-        .args(["score", "--annotations", "truth", "--results", "found"]);
+    command.current_dir(folder.path()).args([
+        "score",
+        "--annotations",
+        "truth",
+        "--results",
+        "found",
+    ]);
     command.args(options).output().unwrap()
 }
 
 #[test]
 fn json_holds_one_rule_or_all() {
-    let folder = folder("json");
-    fs::write(
-        folder.join("truth/a.txt"),
+    let folder = Folder::new("json");
+    folder.write(
+        "truth/a.txt",
         "10,10,20,20\r\nNaN,NaN,NaN,NaN\r\n10,10,20,20\r\n",
-    )
-    .unwrap();
-    fs::write(
-        folder.join("found/a.txt"),
-        "10,10,20,20,1\n1,1,1,1,1\n10,10,20,20,1\n",
-    )
-    .unwrap();
+    );
+    folder.write("found/a.txt", "10,10,20,20,1\n1,1,1,1,1\n10,10,20,20,1\n");
     let out = score(&folder, &["--convention", "got10k", "--json"]);
     let value: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     assert_eq!(value["precision"], 100.0);
@@ -47,9 +37,9 @@ fn json_holds_one_rule_or_all() {
 
 #[test]
 fn table_goes_to_standard_output_and_notes_to_standard_error() {
-    let folder = folder("table");
-    fs::write(folder.join("truth/a.txt"), "10,10,20,20\n10,10,20,20\n").unwrap();
-    fs::write(folder.join("found/a.txt"), "10,10,20,20\n").unwrap();
+    let folder = Folder::new("table");
+    folder.write("truth/a.txt", "10,10,20,20\n10,10,20,20\n");
+    folder.write("found/a.txt", "10,10,20,20\n");
     let out = score(&folder, &["--per-sequence"]);
     let stdout = String::from_utf8(out.stdout).unwrap();
     let stderr = String::from_utf8(out.stderr).unwrap();
@@ -72,8 +62,9 @@ fn table_goes_to_standard_output_and_notes_to_standard_error() {
 
 #[test]
 fn bad_input_ends_with_code_3_and_a_message() {
-    let folder = folder("bad");
-    fs::write(folder.join("truth/a.txt"), "10,10,20,20\n").unwrap();
+    let folder = Folder::new("bad");
+    std::fs::create_dir(folder.join("found")).unwrap();
+    folder.write("truth/a.txt", "10,10,20,20\n");
     let ends = |code: i32, part: &str| {
         let out = score(&folder, &["--json"]);
         let stderr = String::from_utf8(out.stderr).unwrap();
@@ -88,9 +79,9 @@ fn bad_input_ends_with_code_3_and_a_message() {
         );
     };
     ends(3, "none for 1 of them: a");
-    fs::write(folder.join("found/a.txt"), "10 10 20 twenty\n").unwrap();
+    folder.write("found/a.txt", "10 10 20 twenty\n");
     ends(3, "line 1: expected x,y,w,h, found \"10 10 20 twenty\"");
-    fs::remove_dir_all(folder.join("truth")).unwrap();
+    std::fs::remove_dir_all(folder.join("truth")).unwrap();
     ends(3, "truth: cannot be read");
     assert_eq!(
         score(&folder, &["--convention", "best"]).status.code(),
