@@ -112,9 +112,9 @@ pub enum WriteError {
     },
 }
 
-/// Untrusted text, cut to a length and stripped of control characters, fit for a message.
-fn brief(text: impl ToString) -> String {
-    const LONGEST: usize = 200;
+/// Untrusted text, cut to 300 characters and without control characters, fit for a message.
+pub fn brief(text: impl ToString) -> String {
+    const LONGEST: usize = 300;
     let text = text.to_string();
     let mut short: String = text
         .chars()

@@ -35,7 +35,7 @@ pub use architecture::{
     Architecture, ArchitectureError, Branch, Encoder, EncoderPosition, Layer, LayerKind, Widths,
 };
 pub use container::{MAX_FILE_BYTES, MAX_HEADER_BYTES};
-pub use error::{ReadError, WriteError};
+pub use error::{ReadError, WriteError, brief};
 pub use header::{
     Calibration, ChannelOrder, Header, InputNormalization, Provenance, Range, Storage,
     TrackerParams,
