@@ -72,6 +72,24 @@ pub enum TrackError {
 /// Reason why a model could not be loaded.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
+    /// The file is a checkpoint of PyTorch.
+    #[error(
+        "{0}: a PyTorch checkpoint, expected a weights file: `convert {0} --out NAME.safetensors` \
+         makes one of it",
+        weights_format::brief(path.display())
+    )]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Neither a file nor a built-in model has this name.
+    #[error("no file and no built-in model has the name {name}; built in are {known}")]
+    UnknownName {
+        /// The name as given.
+        name: String,
+        /// The built-in models.
+        known: String,
+    },
     /// The weights file is unreadable or invalid.
     #[error(transparent)]
     Weights(#[from] weights_format::ReadError),

@@ -9,6 +9,8 @@ use crate::net::neck::Neck;
 use kernels::conv::{Algorithm, Conv, ConvShape};
 use kernels::quant::Quantization;
 use kernels::{Isa, Size};
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 use weights_format::{Architecture, Header, InputNormalization, Layer, LayerKind, Weights};
@@ -91,6 +93,13 @@ static BUILTIN: [(&str, &[u8]); 2] = [
     ("drmim-p82", include_bytes!("builtin/drmim-p82.safetensors")),
 ];
 
+/// Whether a file begins as PyTorch's checkpoints do: as a zip archive or as a pickle.
+fn is_checkpoint(path: &Path) -> bool {
+    let mut start = [0; 4];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && (&start == b"PK\x03\x04" || matches!(start, [0x80, 2..=5, ..]))
+}
+
 impl Model {
     /// The standard built-in model: DR-MIM at the paper's pruning ratio.
     pub fn builtin(isa: Isa) -> Model {
@@ -108,22 +117,31 @@ impl Model {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
-    /// The weights that a user asks for: a built-in model by its name, else a file by its path.
-    ///
-    /// `None` is the standard model.
+    /// The weights that a user asks for: the built-in model of that name, or else a file. Without a
+    /// name, the standard model.
     ///
     /// # Errors
-    /// As [`read`](Self::read).
+    /// As [`read`](Self::read). A PyTorch checkpoint and an unknown name are errors of their own.
     pub fn find(model: Option<&Path>) -> Result<Weights, ModelError> {
         let Some(path) = model else {
             return Ok(Model::builtin_weights());
         };
-        let builtin = BUILTIN.iter().find(|(name, _)| path == Path::new(name));
-        let weights = match builtin {
-            Some((_, bytes)) => Weights::from_bytes(bytes)?,
-            None => Weights::read(path)?,
-        };
-        Ok(weights)
+        if let Some((_, bytes)) = BUILTIN.iter().find(|(name, _)| path == Path::new(name)) {
+            return Ok(Weights::from_bytes(bytes)?);
+        }
+        Weights::read(path).map_err(|error| {
+            let is_name = path.components().count() == 1 && path.extension().is_none();
+            if is_checkpoint(path) {
+                ModelError::Checkpoint { path: path.into() }
+            } else if is_name && !path.exists() {
+                ModelError::UnknownName {
+                    name: weights_format::brief(path.display()),
+                    known: Model::builtin_names().collect::<Vec<_>>().join(", "),
+                }
+            } else {
+                error.into()
+            }
+        })
     }
 
     /// Reads a weights file.

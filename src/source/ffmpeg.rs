@@ -1,18 +1,25 @@
 //! The user's own `ffmpeg` as decoder: it is spawned and writes PPM frames into a pipe.
 //!
-//! PPM, because every frame names its size and the colors are converted by who knows the video's color space.
-//! Frames keep their order and number: they are stamped 1/25 s apart and asked for at 25 a second, which no version
-//! of ffmpeg answers by dropping or repeating any (`-vsync` is gone since 9.0 and `-fps_mode` new in 5.1).
+//! PPM, because every frame names its size, and ffmpeg knows the video's color space. Frames keep
+//! their order and number: they are stamped 1/25 s apart and asked for at 25 a second, which no
+//! version of ffmpeg answers by dropping or repeating any. (`-vsync` is gone since 9.0, and
+//! `-fps_mode` is new in 5.1.)
+//!
+//! ffmpeg ends with success where a file is cut off or damaged, and only says so. Its words
+//! therefore count as an error at the end.
 
-use super::LIVE_SCHEMES;
 use std::ffi::OsStr;
 use std::io::{ErrorKind, Read};
 use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
+use super::LIVE_SCHEMES;
+
 /// How much of its error output is kept: the end, where the reason stands.
 const KEPT_BYTES: usize = 1000;
+/// Lines of its error output that a message shows at most.
+const KEPT_LINES: usize = 5;
 
 /// A running ffmpeg; killed when dropped.
 pub(super) struct Ffmpeg {
@@ -24,7 +31,7 @@ pub(super) struct Ffmpeg {
 pub(super) struct Stopper(Arc<Mutex<Child>>);
 
 impl Stopper {
-    /// Kills the process, unless it is being waited for and so about to end anyway.
+    /// Kills the process, unless it is being waited for and so is about to end anyway.
     pub(super) fn stop(&self) {
         if let Ok(mut child) = self.0.try_lock() {
             let _ = child.kill(); // an error means that it has ended
@@ -46,11 +53,12 @@ impl Ffmpeg {
                 .is_some_and(|text| text.starts_with(scheme))
         };
         if LIVE_SCHEMES.into_iter().any(has_scheme) {
-            // Frames now, rather than five seconds of looking what else there is in the stream.
+            // Frames at once, rather than after five seconds of probing the stream.
             command.args(["-fflags", "nobuffer", "-analyzeduration", "1000000"]);
         }
         if has_scheme("rtsp://") {
-            command.args(["-rtsp_transport", "tcp"]); // UDP loses packets, and whole frames with them
+            // UDP loses packets, and whole frames with them.
+            command.args(["-rtsp_transport", "tcp"]);
         }
         command.arg("-i").arg(location);
         command.args(["-map", "0:v:0", "-vf", "setpts=N/(25*TB)", "-r", "25"]);
@@ -70,7 +78,7 @@ impl Ffmpeg {
         let mut child = command.spawn().map_err(|error| match error.kind() {
             ErrorKind::NotFound => {
                 "is needed to read video, but was not found: install it, put the frames into a \
-                                    folder, or pipe them in (--input -)"
+                 folder, or pipe them in (--input -)"
                     .to_string()
             }
             _ => format!("could not be started: {error}"),
@@ -88,19 +96,22 @@ impl Ffmpeg {
         ))
     }
 
-    /// What stops this process from another thread.
+    /// A handle that stops this process from another thread.
     pub(super) fn stopper(&self) -> Stopper {
         Stopper(Arc::clone(&self.child))
     }
 
-    /// Waits for the end; an error carries ffmpeg's last words.
+    /// Waits for the end; whatever ffmpeg complained about is an error that carries its last words.
     pub(super) fn finish(mut self) -> Result<(), String> {
         let status = self.wait().ok_or("was lost")?;
         let words = self.last_words();
-        match status.success() {
-            true => Ok(()),
-            false => Err(format!("failed ({status}){words}")),
+        if !status.success() {
+            return Err(format!("failed ({status}){words}"));
         }
+        if !words.is_empty() {
+            return Err(format!("reported damage, and frames may be missing{words}"));
+        }
+        Ok(())
     }
 
     /// Ends ffmpeg because of a bad frame; returns `reason` and ffmpeg's last words.
@@ -114,7 +125,7 @@ impl Ffmpeg {
         self.child.lock().ok()?.wait().ok()
     }
 
-    /// Its error output, on lines of their own; empty where there was none.
+    /// The end of its error output, on lines of their own; empty if there was none.
     fn last_words(&mut self) -> String {
         let words = self
             .complaints
@@ -122,10 +133,9 @@ impl Ffmpeg {
             .and_then(|thread| thread.join().ok())
             .unwrap_or_default();
         if words.is_empty() {
-            words
-        } else {
-            format!(":\n{words}")
+            return words;
         }
+        format!(":\n{words}")
     }
 }
 
@@ -146,10 +156,12 @@ fn read_last_words(mut errors: ChildStderr) -> String {
         kept.drain(..excess);
     }
     let text = String::from_utf8_lossy(&kept);
+    // File names and metadata in it are a stranger's: no control character reaches the terminal.
+    let text = text.replace(|c: char| c.is_control() && c != '\n', " ");
     let lines: Vec<&str> = text
         .lines()
         .map(str::trim_end)
         .filter(|line| !line.is_empty())
         .collect();
-    lines[lines.len().saturating_sub(5)..].join("\n")
+    lines[lines.len().saturating_sub(KEPT_LINES)..].join("\n")
 }

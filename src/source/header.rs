@@ -21,15 +21,13 @@ pub(super) fn read_line(reader: &mut impl Read) -> Result<Option<String>, String
     loop {
         match reader.read_exact(&mut byte) {
             Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
-                match line.is_empty() {
-                    true => return Ok(None),
-                    false => {
-                        return Err(format!(
-                            "the header ends after {} bytes, expected a newline",
-                            line.len()
-                        ));
-                    }
+                if line.is_empty() {
+                    return Ok(None);
                 }
+                let found = line.len();
+                return Err(format!(
+                    "the header ends after {found} bytes, expected a newline"
+                ));
             }
             Err(error) => return Err(error.to_string()),
             Ok(()) if byte[0] == b'\n' => {
@@ -43,7 +41,7 @@ pub(super) fn read_line(reader: &mut impl Read) -> Result<Option<String>, String
     }
 }
 
-/// Understands what follows `YUV4MPEG2` on a y4m stream's first line.
+/// Parses what follows `YUV4MPEG2` on a y4m stream's first line.
 pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
     let (mut width, mut height) = (None, None);
     let (mut pixels, mut range) = (PixelFormat::Yuv420p, Range::Limited);
@@ -58,9 +56,11 @@ pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
                     "422" => PixelFormat::Yuv422p,
                     "444" => PixelFormat::Yuv444p,
                     "mono" => PixelFormat::Gray,
+                    "mono16" => PixelFormat::Gray16Le,
                     _ => {
                         return Err(format!(
-                            "y4m color space {value}, expected 8-bit 420, 422, 444 or mono"
+                            "y4m color space {value}, expected 8-bit 420, 422, 444 or mono, or \
+                             mono16"
                         ));
                     }
                 }
@@ -82,8 +82,9 @@ pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
     })
 }
 
-/// Reads the rest of a PPM header: what follows `P6`, up to the byte before the pixels.
-pub(super) fn read_ppm(reader: &mut impl Read) -> Result<Layout, String> {
+/// Reads the rest of a PGM or PPM header, from behind `P5` or `P6` up to the byte before the
+/// pixels: width, height and the largest value.
+pub(super) fn read_pnm(reader: &mut impl Read) -> Result<[usize; 3], String> {
     let mut numbers = [0; 3];
     let mut length = 0; // of all blanks, comments and digits
     for number in &mut numbers {
@@ -109,9 +110,14 @@ pub(super) fn read_ppm(reader: &mut impl Read) -> Result<Layout, String> {
         }
         *number = side(&digits)?;
     }
-    let [width, height, depth] = numbers;
-    if depth != 255 {
-        return Err(format!("PPM maximum {depth}, expected 255"));
+    Ok(numbers)
+}
+
+/// Reads the rest of a PPM header of a stream: what follows `P6`.
+pub(super) fn read_ppm(reader: &mut impl Read) -> Result<Layout, String> {
+    let [width, height, largest] = read_pnm(reader)?;
+    if largest != 255 {
+        return Err(format!("PPM maximum {largest}, expected 255"));
     }
     Ok(Layout {
         raw: RawFormat {
@@ -133,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_y4m_headers() {
+    fn y4m_header_gives_size_and_format_or_names_what_is_wrong() {
         for (header, expected) in [
             (
                 " W640 H360 F30:1 Ip A1:1 C420jpeg XYSCSS=420JPEG",
@@ -141,6 +147,10 @@ mod tests {
             ),
             (" H2 W4", Ok((4, 2, PixelFormat::Yuv420p))),
             (" W4 H2 Cmono", Ok((4, 2, PixelFormat::Gray))),
+            (
+                " W4 H2 Cmono16 XYSCSS=GRAY16",
+                Ok((4, 2, PixelFormat::Gray16Le)),
+            ),
             (" W4 H2 C422", Ok((4, 2, PixelFormat::Yuv422p))),
             (" W4 H2 C444", Ok((4, 2, PixelFormat::Yuv444p))),
             (" W4 H2 C420p10", Err("420p10")),
@@ -174,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_ppm_headers() {
+    fn ppm_header_gives_the_size_or_names_what_is_wrong() {
         for (header, expected) in [
             ("\n640 360\n255\n", Ok((640, 360))),
             (" # made by hand\n 1\t2 # two\n255 ", Ok((1, 2))),
@@ -200,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_bounded() {
+    fn header_line_without_end_is_refused() {
         assert_eq!(
             read_line(&mut &b"FRAME\nx"[..]).unwrap().as_deref(),
             Some("FRAME")

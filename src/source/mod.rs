@@ -1,13 +1,15 @@
-//! Frames from wherever users keep them: image folders, glob patterns, video files and streams, pipes.
+//! Frames from image folders, glob patterns, video files, streams and pipes.
 //!
 //! | input | how it is read | file |
 //! |---|---|---|
-//! | folder, glob pattern, one image | jpg, jpeg, png, webp, bmp in natural order | `files.rs`, `decode.rs` |
-//! | `-`, a named pipe, a `.y4m` file | y4m, PPM, or headerless frames in a [`RawFormat`] | `stream.rs`, `header.rs`, `pixels.rs` |
+//! | folder, glob pattern, one image | jpg, jpeg, png, webp, bmp, pgm, ppm in natural order | `files.rs`, `decode.rs`, `jpeg.rs` |
+//! | `-`, a named pipe, a `.y4m` or `.ppm` file | y4m, PPM, or headerless frames in a [`RawFormat`] | `stream.rs`, `header.rs`, `pixels.rs` |
 //! | any other file, any URL | the user's own `ffmpeg`, spawned | `ffmpeg.rs` |
+//! | samples of 16 bits | stretched to 8 bits | `stretch.rs` |
+//! | frames that cannot be read | held, skipped or fatal: [`OnBadFrame`] | `bad_frames.rs` |
 //!
-//! [`Source`] is an iterator; [`Prefetch`] runs one on its own thread. Buffers given back with `recycle` are used
-//! again, so that a long video is read without allocating per frame.
+//! [`Source`] is an iterator; [`Prefetch`] runs one on its own thread. Buffers given back with
+//! `recycle` are used again, so that a long video is read without an allocation per frame.
 //!
 //! ```no_run
 //! use track_cpu::source::{Input, Source};
@@ -21,26 +23,35 @@
 //! # Ok::<(), track_cpu::source::SourceError>(())
 //! ```
 
+mod bad_frames;
 mod decode;
 mod ffmpeg;
 mod files;
 mod header;
+mod jpeg;
 mod pixels;
 mod prefetch;
 mod stream;
+mod stretch;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub use crate::error::SourceError;
 use crate::frame::{ChannelOrder, Frame};
+pub use bad_frames::{BadFrame, BadFrames, OnBadFrame};
+pub use decode::Decoder;
+pub use files::is_passed_over;
 pub use pixels::{PixelFormat, RawFormat};
 pub use prefetch::Prefetch;
 use stream::Stream;
+pub use stretch::Stretch;
 
-/// How the addresses of streams begin that do not wait for who reads them; other addresses may be films, of which every frame counts.
+/// Beginnings of the addresses of streams that do not wait for their reader; other addresses may be
+/// films, of which every frame counts.
 pub const LIVE_SCHEMES: [&str; 5] = ["rtsp://", "rtmp://", "udp://", "tcp://", "srt://"];
 
-/// Most bytes that one decoded picture may take; a bound on what a stranger's file can make us allocate.
+/// Most bytes of one decoded picture: a bound on what a stranger's file can make us allocate.
 pub const MAX_FRAME_BYTES: u64 = 512 << 20;
 
 /// Most buffers kept for reuse.
@@ -87,40 +98,21 @@ pub struct Image {
 }
 
 impl Image {
-    /// One headerless frame, as cameras deliver them, with YUV (limited range) turned into RGB in `buffer`.
+    /// One headerless frame by itself, with YUV (limited range) turned into RGB in `buffer`.
+    ///
+    /// Frames of one camera go through one [`Decoder`], so that 16-bit ones share a range.
     ///
     /// # Errors
     /// If the format's sizes are out of bounds or `bytes` ends before the frame does.
-    pub fn from_raw(raw: RawFormat, bytes: &[u8], mut buffer: Vec<u8>) -> Result<Image, String> {
-        let expected = raw.frame_bytes()?;
-        let bytes = bytes
-            .get(..expected)
-            .ok_or_else(|| format!("a frame of {} bytes, expected {expected}", bytes.len()))?;
-        let order = match raw.ready() {
-            Some(order) => {
-                buffer.clear();
-                buffer.extend_from_slice(bytes);
-                order
-            }
-            None => {
-                buffer.resize(3 * raw.width * raw.height, 0);
-                raw.yuv_to_rgb(pixels::Range::Limited, bytes, &mut buffer);
-                ChannelOrder::Rgb
-            }
-        };
-        Ok(Image {
-            data: buffer,
-            width: raw.width,
-            height: raw.height,
-            order,
-            name: None,
-        })
+    pub fn from_raw(raw: RawFormat, bytes: &[u8], buffer: Vec<u8>) -> Result<Image, String> {
+        Decoder::default().raw(raw, bytes, buffer)
     }
 
-    /// The picture as the tracker wants it.
+    /// The picture as the tracker takes it.
     ///
     /// # Panics
-    /// If the fields were changed so that they no longer describe a picture; what a [`Source`] yields always does.
+    /// If the fields were changed so that they no longer describe a picture. What a [`Source`]
+    /// yields always does.
     pub fn frame(&self) -> Frame<'_> {
         Frame::new(&self.data, self.width, self.height, self.order)
             .expect("an image has the bytes of its size")
@@ -129,12 +121,15 @@ impl Image {
 
 /// An open input: an iterator over its pictures.
 ///
-/// A file of a folder that cannot be decoded is an error in its place, and the next file follows; a stream ends at its
-/// first error.
+/// A file of a folder that cannot be decoded is an error in its place, and the next file follows. A
+/// stream ends at its first error.
 pub struct Source {
     kind: Kind,
+    decoder: Decoder,
     label: String, // the input as given, for messages
-    next: usize,   // index of the frame that follows
+    note: Option<String>,
+    places: Vec<PathBuf>,
+    next: usize, // index of the frame that follows
     start: usize,
     end: Option<usize>,
     spare: Vec<Vec<u8>>,
@@ -147,26 +142,29 @@ enum Kind {
 }
 
 impl Source {
-    /// Opens an input; of a folder nothing is decoded yet, of a pipe the header is read.
+    /// Opens an input. Nothing of a folder is decoded yet; the header of a pipe is read.
     ///
     /// # Errors
-    /// If the input does not exist, holds no frame, describes none, or needs an `ffmpeg` that is not installed.
+    /// If the input does not exist, holds no frame, describes none, or needs an `ffmpeg` that is
+    /// not installed.
     pub fn open(input: &Input) -> Result<Source, SourceError> {
         let label = input.location.display().to_string();
         if let Some(end) = input.end.filter(|&end| end <= input.start) {
-            let reason = format!(
-                "frames {}..{end} are none, expected an end behind the start",
-                input.start
-            );
+            let start = input.start;
+            let reason =
+                format!("frames {start}..{end} are none, expected an end behind the start");
             return Err(SourceError::Format {
                 input: label,
                 reason,
             });
         }
-        let kind = open_kind(&input.location, &label, input.raw)?;
+        let (kind, note) = open_kind(&input.location, &label, input.raw)?;
         let mut source = Source {
+            places: places(&input.location, &kind),
             kind,
+            decoder: Decoder::default(),
             label,
+            note,
             next: 0,
             start: input.start,
             end: input.end,
@@ -174,6 +172,17 @@ impl Source {
         };
         source.select_files()?;
         Ok(source)
+    }
+
+    /// What a user should know about the choice of frames, if anything.
+    pub fn note(&self) -> Option<&str> {
+        self.note.as_deref()
+    }
+
+    /// The files and folders that frames are read from, which no output may touch; `-` for standard
+    /// input.
+    pub fn places(&self) -> &[PathBuf] {
+        &self.places
     }
 
     /// How many frames are left, where that is known without reading them: in folders.
@@ -192,7 +201,7 @@ impl Source {
         }
     }
 
-    /// What ends a blocked read from another thread.
+    /// A handle that ends a blocked read from another thread.
     fn stopper(&self) -> Option<ffmpeg::Stopper> {
         match &self.kind {
             Kind::Stream(stream) => stream.stopper(),
@@ -200,7 +209,7 @@ impl Source {
         }
     }
 
-    /// Folders are cut to the frames wanted without opening a file.
+    /// Cuts a folder to the frames wanted without opening a file.
     fn select_files(&mut self) -> Result<(), SourceError> {
         let Kind::Files(files) = &mut self.kind else {
             return Ok(());
@@ -262,7 +271,8 @@ impl Iterator for Source {
     fn next(&mut self) -> Option<Self::Item> {
         if let Kind::Files(files) = &mut self.kind {
             let path = files.next()?;
-            return Some(decode::decode(path, self.spare.pop().unwrap_or_default()));
+            let buffer = self.spare.pop().unwrap_or_default();
+            return Some(self.decoder.read(path, buffer));
         }
         let image = self.next_of_stream().transpose();
         if !matches!(image, Some(Ok(_))) {
@@ -272,49 +282,71 @@ impl Iterator for Source {
     }
 }
 
-/// Decides how a location is read.
-fn open_kind(location: &Path, label: &str, raw: Option<RawFormat>) -> Result<Kind, SourceError> {
+/// The files and folders behind an input.
+fn places(location: &Path, kind: &Kind) -> Vec<PathBuf> {
+    match kind {
+        // A pattern does not exist as a path: its files are in these folders.
+        Kind::Files(files) if !location.exists() => {
+            let folders: BTreeSet<PathBuf> = files
+                .as_slice()
+                .iter()
+                .filter_map(|file| file.parent())
+                .map(|folder| {
+                    if folder == Path::new("") {
+                        PathBuf::from(".")
+                    } else {
+                        folder.to_path_buf()
+                    }
+                })
+                .collect();
+            folders.into_iter().collect()
+        }
+        _ => {
+            let url = location.to_str().unwrap_or_default();
+            let local = url.strip_prefix("file://").map(PathBuf::from);
+            vec![local.unwrap_or_else(|| location.to_path_buf())]
+        }
+    }
+}
+
+/// Decides how a location is read; returns a note on it as well.
+fn open_kind(
+    location: &Path,
+    label: &str,
+    raw: Option<RawFormat>,
+) -> Result<(Kind, Option<String>), SourceError> {
+    let frames = |found: files::Found| (Kind::Files(found.files.into_iter()), found.note);
+    let stream = |stream: Stream| (Kind::Stream(Box::new(stream)), None);
+
     if location.as_os_str() == "-" {
-        let stream = Stream::from_reader(Box::new(std::io::stdin()), label, raw)?;
-        return Ok(Kind::Stream(Box::new(stream)));
+        return Stream::from_reader(Box::new(std::io::stdin()), label, raw).map(stream);
     }
     if location.to_str().is_some_and(|text| text.contains("://")) {
-        return Ok(Kind::Stream(Box::new(Stream::from_ffmpeg(
-            location.as_os_str(),
-            label,
-        )?)));
+        return Stream::from_ffmpeg(location.as_os_str(), label).map(stream);
     }
+    let io = |error| SourceError::Io {
+        path: location.into(),
+        error,
+    };
     let found = match std::fs::metadata(location) {
         Ok(found) => found,
         Err(error) => {
             return match location.to_str().filter(|text| files::is_pattern(text)) {
-                Some(pattern) => files::matching(pattern).map(|list| Kind::Files(list.into_iter())),
-                None => Err(SourceError::Io {
-                    path: location.into(),
-                    error,
-                }),
+                Some(pattern) => files::matching(pattern).map(frames),
+                None => Err(io(error)),
             };
         }
     };
     if found.is_dir() {
-        return Ok(Kind::Files(files::in_folder(location)?.into_iter()));
+        return files::in_folder(location).map(frames);
     }
-    if found.is_file() && raw.is_none() {
+    if found.is_file() && raw.is_none() && !files::has_extension(location, &["y4m", "ppm"]) {
         if files::is_image(location) {
-            return Ok(Kind::Files(vec![location.to_path_buf()].into_iter()));
+            let file = vec![location.to_path_buf()];
+            return Ok((Kind::Files(file.into_iter()), None));
         }
-        if !files::has_extension(location, &["y4m", "ppm"]) {
-            let stream = Stream::from_ffmpeg(&files::file_url(location), label)?;
-            return Ok(Kind::Stream(Box::new(stream)));
-        }
+        return Stream::from_ffmpeg(&files::file_url(location), label).map(stream);
     }
-    let file = std::fs::File::open(location).map_err(|error| SourceError::Io {
-        path: location.to_path_buf(),
-        error,
-    })?;
-    Ok(Kind::Stream(Box::new(Stream::from_reader(
-        Box::new(file),
-        label,
-        raw,
-    )?)))
+    let file = std::fs::File::open(location).map_err(io)?;
+    Stream::from_reader(Box::new(file), label, raw).map(stream)
 }

@@ -1,7 +1,7 @@
 //! Layouts of headerless frames, and YUV to RGB.
 //!
-//! Conversion follows BT.601 in 8.8 fixed point, chroma repeated over the pixels it covers (what `ffmpeg` does by
-//! default). With limited range, for Y in 16..=235 and U, V in 16..=240:
+//! Conversion follows BT.601 in 8.8 fixed point, chroma repeated over the pixels it covers (what
+//! `ffmpeg` does by default). With limited range, for Y in 16..=235 and U, V in 16..=240:
 //!
 //! ```text
 //! R = (298 (Y-16)               + 409 (V-128) + 128) >> 8
@@ -9,7 +9,7 @@
 //! B = (298 (Y-16) + 516 (U-128)               + 128) >> 8
 //! ```
 
-use super::MAX_FRAME_BYTES;
+use super::{MAX_FRAME_BYTES, Stretch};
 use crate::frame::{ChannelOrder, Frame};
 
 /// How the pixels of one frame follow each other; the names are ffmpeg's.
@@ -21,6 +21,8 @@ pub enum PixelFormat {
     Rgb24,
     /// One byte a pixel.
     Gray,
+    /// Two bytes a pixel, the lower one first: stretched to one by the rule of [`Stretch`].
+    Gray16Le,
     /// Planes Y, U, V; chroma at half the width and half the height.
     Yuv420p,
     /// Plane Y, then U and V interleaved at half the width and half the height.
@@ -35,10 +37,11 @@ pub enum PixelFormat {
 
 impl PixelFormat {
     /// Every format with the name that ffmpeg, and the command line, give it.
-    pub const NAMES: [(&'static str, PixelFormat); 8] = [
+    pub const NAMES: [(&'static str, PixelFormat); 9] = [
         ("bgr24", PixelFormat::Bgr24),
         ("rgb24", PixelFormat::Rgb24),
         ("gray", PixelFormat::Gray),
+        ("gray16le", PixelFormat::Gray16Le),
         ("yuv420p", PixelFormat::Yuv420p),
         ("nv12", PixelFormat::Nv12),
         ("yuyv422", PixelFormat::Yuyv422),
@@ -79,7 +82,8 @@ impl RawFormat {
     /// Bytes of one frame.
     ///
     /// # Errors
-    /// If a side is 0 or above [`Frame::MAX_SIDE`], or if a frame would take more than [`MAX_FRAME_BYTES`].
+    /// If a side is 0 or above [`Frame::MAX_SIDE`], or if a frame would take more than
+    /// [`MAX_FRAME_BYTES`].
     pub fn frame_bytes(&self) -> Result<usize, String> {
         let (w, h, max) = (self.width, self.height, Frame::MAX_SIDE);
         if !(1..=max).contains(&w) || !(1..=max).contains(&h) {
@@ -92,6 +96,7 @@ impl RawFormat {
         let bytes = match self.pixels {
             PixelFormat::Bgr24 | PixelFormat::Rgb24 | PixelFormat::Yuv444p => 3 * w * h,
             PixelFormat::Gray => w * h,
+            PixelFormat::Gray16Le => 2 * w * h,
             PixelFormat::Yuv420p | PixelFormat::Nv12 => w * h + 2 * half_w * half_h,
             PixelFormat::Yuyv422 => 4 * half_w * h,
             PixelFormat::Yuv422p => w * h + 2 * half_w * h,
@@ -115,8 +120,36 @@ impl RawFormat {
         }
     }
 
-    /// Converts one frame of a YUV layout; `bytes` has [`frame_bytes`](Self::frame_bytes), `rgb` [H, W, 3].
-    pub(super) fn yuv_to_rgb(&self, range: Range, bytes: &[u8], rgb: &mut [u8]) {
+    /// Converts one frame into `out` and returns how its pixels are to be read.
+    ///
+    /// `bytes` has the length of [`frame_bytes`](Self::frame_bytes).
+    pub(super) fn convert(
+        &self,
+        range: Range,
+        bytes: &[u8],
+        stretch: &mut Stretch,
+        out: &mut Vec<u8>,
+    ) -> ChannelOrder {
+        if let Some(order) = self.ready() {
+            out.clear();
+            out.extend_from_slice(bytes);
+            return order;
+        }
+        if self.pixels == PixelFormat::Gray16Le {
+            let samples: Vec<u16> = bytes
+                .chunks_exact(2)
+                .map(|pair| u16::from_le_bytes([pair[0], pair[1]]))
+                .collect();
+            stretch.to_bytes(&samples, out);
+            return ChannelOrder::Gray;
+        }
+        out.resize(3 * self.width * self.height, 0);
+        self.yuv_to_rgb(range, bytes, out);
+        ChannelOrder::Rgb
+    }
+
+    /// Converts one frame of a YUV layout; `rgb` is `[H, W, 3]`.
+    fn yuv_to_rgb(&self, range: Range, bytes: &[u8], rgb: &mut [u8]) {
         let (w, h) = (self.width, self.height);
         let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
         let matrix = Matrix::bt601(range);
@@ -235,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn colors_of_bt601() {
+    fn primaries_and_grays_convert_as_bt601_says() {
         // Against the formula in floating point: full-scale primaries of BT.601 and grays.
         for (yuv, rgb) in [
             ([16, 128, 128], [0, 0, 0]),
@@ -259,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn layouts_agree() {
+    fn same_picture_in_every_layout_gives_the_same_rgb() {
         // The same picture in every layout: chroma constant over 2x2 blocks, odd width and height.
         let (w, h) = (5, 3);
         let luma: Vec<u8> = (0..w * h).map(|i| 40 + 9 * i as u8).collect();
@@ -298,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn one_pixel_in_every_layout() {
+    fn one_pixel_in_every_layout_is_gray() {
         for (name, pixels) in PixelFormat::NAMES {
             let raw = RawFormat {
                 width: 1,
@@ -306,14 +339,40 @@ mod tests {
                 pixels,
             };
             let bytes = vec![128; raw.frame_bytes().unwrap()];
-            if raw.ready().is_none() {
-                assert_eq!(convert(1, 1, pixels, &bytes), [130; 3], "{name}");
-            }
+            let mut out = Vec::new();
+
+            let order = raw.convert(Range::Limited, &bytes, &mut Stretch::default(), &mut out);
+
+            let expected = if raw.ready().is_some() || order == ChannelOrder::Gray {
+                128
+            } else {
+                130 // limited range
+            };
+            assert_eq!(out, vec![expected; order.bytes_per_pixel()], "{name}");
         }
     }
 
     #[test]
-    fn sizes_are_bounded() {
+    fn sixteen_bits_are_read_with_the_lower_byte_first() {
+        let raw = RawFormat {
+            width: 3,
+            height: 1,
+            pixels: PixelFormat::Gray16Le,
+        };
+        let bytes = [0x00, 0x10, 0x80, 0x10, 0x00, 0x11];
+        let mut out = Vec::new();
+
+        let order = raw.convert(Range::Full, &bytes, &mut Stretch::default(), &mut out);
+
+        assert_eq!(order, ChannelOrder::Gray);
+        assert!(
+            out[0] < 30 && out[1].abs_diff(128) < 2 && out[2] > 225,
+            "{out:?}"
+        );
+    }
+
+    #[test]
+    fn sizes_out_of_bounds_are_refused() {
         for (width, height, part) in [
             (0, 5, "0x5"),
             (5, 1 << 16, "5x65536"),

@@ -8,7 +8,8 @@ use super::{Image, Source, SourceError};
 
 /// A [`Source`] that decodes on its own thread while the caller works on the frames before.
 ///
-/// Yields what the source yields, errors included, in its order. Dropping it ends the thread at its next frame.
+/// Yields what the source yields, errors included, in its order. Dropping it ends the thread at its
+/// next frame.
 pub struct Prefetch {
     images: Option<Receiver<Result<Image, SourceError>>>,
     spent: Sender<Image>,
@@ -35,7 +36,7 @@ impl Prefetch {
 
     /// Gives a picture's buffer back for one of the next pictures.
     pub fn recycle(&self, image: Image) {
-        let _ = self.spent.send(image); // fails when the source has ended: then nobody needs it
+        let _ = self.spent.send(image); // fails after the end, when no buffer is needed
     }
 }
 
@@ -65,8 +66,8 @@ impl Iterator for Prefetch {
         self.images = None;
         self.worker.take()?.join().err().map(|_| {
             let reason = "the decoder failed on this frame".into();
-            Err(SourceError::Decode {
-                path: self.label.clone().into(),
+            Err(SourceError::Format {
+                input: self.label.clone(),
                 reason,
             })
         })

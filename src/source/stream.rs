@@ -1,4 +1,5 @@
-//! Frames that come one behind the other: y4m, PPM or headerless, from a pipe, a file or ffmpeg.
+//! Frames that follow each other without files: y4m, PPM or headerless, from a pipe, a file or
+//! ffmpeg.
 
 use std::ffi::OsStr;
 use std::io::{BufReader, ErrorKind, Read};
@@ -6,8 +7,7 @@ use std::io::{BufReader, ErrorKind, Read};
 use super::ffmpeg::{Ffmpeg, Stopper};
 use super::header::{Layout, parse_y4m, read_line, read_ppm};
 use super::pixels::Range;
-use super::{Image, RawFormat, SourceError};
-use crate::frame::ChannelOrder;
+use super::{Image, RawFormat, SourceError, Stretch};
 
 /// What stands in front of each frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,9 +24,10 @@ enum Container {
 pub(super) struct Stream {
     reader: BufReader<Box<dyn Read + Send>>,
     container: Container,
-    layout: Option<Layout>, // none until a PPM's first header was read
+    layout: Option<Layout>, // none until a PPM's first header is read
     signature_read: bool,   // the first PPM's `P6` was consumed to recognize it
-    payload: Vec<u8>,       // one YUV frame
+    payload: Vec<u8>,       // one frame before its conversion
+    stretch: Stretch,       // of 16-bit frames
     frame: usize,           // index of the frame that follows
     label: String,          // the input as given
     decoder: Option<Ffmpeg>,
@@ -79,6 +80,7 @@ impl Stream {
             layout: None,
             signature_read: false,
             payload: Vec::new(),
+            stretch: Stretch::default(),
             frame: 0,
             label: label.to_string(),
             decoder: None,
@@ -152,8 +154,8 @@ impl Stream {
             }
             [] => Err("no frame in it".into()),
             other => Err(format!(
-                "starts with the bytes {other:02x?}, expected y4m (YUV4MPEG2), PPM (P6), or the size and pixel format \
-                 of headerless frames (--raw WxH --pix FORMAT)"
+                "starts with the bytes {other:02x?}, expected y4m (YUV4MPEG2), PPM (P6), or the \
+                 size and pixel format of headerless frames (--raw WxH --pix FORMAT)"
             )),
         }
     }
@@ -196,12 +198,11 @@ impl Stream {
         buffer: Option<Vec<u8>>,
     ) -> Result<Option<Option<Image>>, String> {
         let expected = layout.raw.frame_bytes()?;
-        let order = layout.raw.ready();
-        let (mut data, wanted) = match buffer {
-            Some(buffer) => (buffer, true),
-            None => (Vec::new(), false),
-        };
-        let payload = if wanted && order.is_some() {
+        // Frames that need no conversion are read right into their buffer.
+        let ready = layout.raw.ready();
+        let is_wanted = buffer.is_some();
+        let mut data = buffer.unwrap_or_default();
+        let payload = if is_wanted && ready.is_some() {
             &mut data
         } else {
             &mut self.payload
@@ -214,21 +215,22 @@ impl Stream {
         if found < expected {
             return Err(self.in_frame(&format!("ends after {found} of {expected} bytes")));
         }
-        if !wanted {
+        if !is_wanted {
             return Ok(Some(None));
         }
-        let RawFormat { width, height, .. } = layout.raw;
-        if order.is_none() {
-            data.resize(3 * width * height, 0);
-            layout
-                .raw
-                .yuv_to_rgb(layout.range, &self.payload, &mut data);
-        }
-        let order = order.unwrap_or(ChannelOrder::Rgb);
+        let order = match ready {
+            Some(order) => order,
+            None => {
+                let range = layout.range;
+                layout
+                    .raw
+                    .convert(range, &self.payload, &mut self.stretch, &mut data)
+            }
+        };
         Ok(Some(Some(Image {
             data,
-            width,
-            height,
+            width: layout.raw.width,
+            height: layout.raw.height,
             order,
             name: None,
         })))
@@ -256,6 +258,7 @@ fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> Result<usize, String>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::ChannelOrder;
     use crate::source::PixelFormat;
 
     fn open(bytes: Vec<u8>, raw: Option<RawFormat>) -> Result<Stream, SourceError> {
@@ -263,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn raw_frames_and_a_truncated_one() {
+    fn raw_frame_cut_short_is_an_error_after_the_whole_ones() {
         let raw = RawFormat {
             width: 2,
             height: 2,
@@ -287,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn y4m_frames() {
+    fn y4m_frames_are_read_with_and_without_parameters() {
         let bytes = b"YUV4MPEG2 W2 H2 F25:1 Cmono\nFRAME\nabcdFRAME Ip\nefgh".to_vec();
         let mut stream = open(bytes, None).unwrap();
         assert_eq!(stream.next(Vec::new()).unwrap().unwrap().data, b"abcd");
@@ -300,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn ppm_frames_change_their_size() {
+    fn ppm_frames_may_change_their_size() {
         let bytes = b"P6\n1 1\n255\nabcP6 2 1 255\nabcdef".to_vec();
         let mut stream = open(bytes, None).unwrap();
         let sizes: Vec<_> = std::iter::from_fn(|| stream.next(Vec::new()).unwrap())
@@ -310,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_it_does_not_know() {
+    fn stream_of_unknown_form_is_refused_with_its_first_bytes() {
         let cases: [(&[u8], &str); 9] = [
             (b"", "no frame"),
             (b"\x89PNG", "89, 50"),
@@ -336,16 +339,22 @@ mod tests {
         }
     }
 
-    /// A shell script in the place of ffmpeg; one test only, so that no other process holds the file while it starts.
+    /// A shell script in the place of ffmpeg. One test only, so that no other process holds the
+    /// file while it starts.
     #[cfg(unix)]
     #[test]
-    fn frames_and_failures_of_ffmpeg() {
+    fn ffmpeg_that_fails_is_an_error_with_its_last_words() {
         use std::os::unix::fs::PermissionsExt;
         let program = std::env::temp_dir().join(format!("track-cpu-ffmpeg-{}", std::process::id()));
         let frame = "printf 'P6\\n1 1\\n255\\nabc'; ";
         for (script, frames, part) in [
             (format!("{frame}{frame}"), 2, None),
             ("exit 0".into(), 0, None),
+            (
+                format!("{frame}echo partial file >&2"),
+                1,
+                Some("ffmpeg reported damage, and frames may be missing:\npartial file"),
+            ),
             (
                 format!("{frame}echo one >&2; echo two >&2; exit 3"),
                 1,
