@@ -1,5 +1,5 @@
-//! One table of everything that strangers, broken files and mistyped commands have come up with so far: each ends in
-//! the right exit code with a message that names the fault, or in the right result; never in a panic.
+//! One table of hostile files and mistyped commands. Each ends in the right exit code with a
+//! message that names the fault, or in the right result, and never in a panic.
 #![cfg(feature = "cli")]
 
 mod program;
@@ -18,7 +18,7 @@ const MODEL: i32 = 4;
 const OUTPUT: i32 = 5;
 const TARGET: i32 = 6;
 
-/// What is to happen.
+/// What must happen.
 enum Expect {
     /// This exit code, and this in the message.
     Fails(i32, &'static str),
@@ -77,19 +77,18 @@ impl Case {
         if let Some(path) = &self.path {
             command.env("PATH", path);
         }
-        let output = match self.full {
-            false => run_with(&mut command, &self.stdin),
-            true => {
-                let full = File::options()
-                    .write(true)
-                    .open("/dev/full")
-                    .map_err(|e| e.to_string())?;
-                command
-                    .stdin(Stdio::null())
-                    .stdout(full)
-                    .output()
-                    .map_err(|e| e.to_string())?
-            }
+        let output = if self.full {
+            let full = File::options()
+                .write(true)
+                .open("/dev/full")
+                .map_err(|e| e.to_string())?;
+            command
+                .stdin(Stdio::null())
+                .stdout(full)
+                .output()
+                .map_err(|e| e.to_string())?
+        } else {
+            run_with(&mut command, &self.stdin)
         };
         let (code, message) = (output.status.code(), stderr(&output));
         if message.contains("panicked") || message.len() > 4000 {
@@ -123,7 +122,7 @@ impl Case {
 }
 
 #[test]
-fn every_case_ends_well() {
+fn hostile_inputs_and_commands_end_in_the_right_exit_code() {
     let _ = folder("bad-input");
     let init = make_pictures();
     let mut cases = boxes();
@@ -340,7 +339,7 @@ fn options() -> Vec<Case> {
             stdin: b"3x\n".to_vec(),
             ..case(
                 "worker fed with text",
-                "bench --worker --widths P90",
+                "bench worker --widths P90",
                 Fails(INPUT, "number of passes"),
             )
         },
@@ -413,7 +412,7 @@ fn pictures(init: &str) -> Vec<Case> {
     let track = |name, input: &str, expect| {
         case(
             name,
-            &format!("track --input @/{input} --init 0,0,1,1"),
+            &format!("track --input @/{input} --init 0,0,2,2"),
             expect,
         )
     };
@@ -493,7 +492,7 @@ fn pictures(init: &str) -> Vec<Case> {
             Fails(INPUT, "a.jpg/img"),
         ),
     ];
-    let broken = format!("track --input @/broken --init {init}");
+    let broken = format!("track --input @/broken --init {init} --on-bad-frame stop");
     cases.push(case(
         "third frame broken",
         &broken,
@@ -820,7 +819,11 @@ fn outputs(init: &str) -> Vec<Case> {
         )
     };
     let mut cases = vec![
-        track("boxes into a folder", "--out @/good", Fails(OUTPUT, "good")),
+        track(
+            "boxes into a folder",
+            "--out @/black",
+            Fails(OUTPUT, "black"),
+        ),
         track(
             "boxes below a file",
             "--out @/a.jpg/boxes.txt",
@@ -861,7 +864,7 @@ fn outputs(init: &str) -> Vec<Case> {
     cases
 }
 
-/// Scripts that stand for ffmpeg, and none at all.
+/// Scripts that stand for ffmpeg, and no ffmpeg at all.
 #[cfg(unix)]
 fn ffmpeg() -> Vec<Case> {
     std::fs::write(place().join("clip.mp4"), b"not really a video").unwrap();

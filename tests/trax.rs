@@ -10,7 +10,8 @@ use std::process::Stdio;
 
 use program::{SIZE, flight, folder, program, run, stderr, stdout, write_pngs};
 
-/// Frames of a flight as `img1.png`, ..., and `WHERE` for `file://WHERE/img1.png`; the first box as a rectangle.
+/// Frames of a flight as `img1.png`, ..., and `WHERE` for `file://WHERE/img1.png`; the first box as
+/// a rectangle.
 struct Clip {
     folder: PathBuf,
     frames: Vec<Vec<u8>>,
@@ -29,7 +30,8 @@ impl Clip {
         }
     }
 
-    /// The transcript's text with this clip's folder, box and pictures in place of `DIR`, `BOX`, `MEMORY2`, `DATA3`.
+    /// The transcript's text with this clip's folder, box and pictures in place of `DIR`, `BOX`,
+    /// `MEMORY2`, `DATA3`, and the server's name and forms in place of `SERVER`.
     fn fill(&self, transcript: &str) -> String {
         let (width, height) = SIZE;
         let memory = format!(
@@ -37,7 +39,10 @@ impl Clip {
             trax::base64::encode(&self.frames[1])
         );
         let png = std::fs::read(self.folder.join("img3.png")).unwrap();
+        let server = "trax.name=track-cpu trax.region=rectangle;polygon;mask \
+                      trax.image=path;memory;data";
         transcript
+            .replace("SERVER", server)
             .replace("DIR", &self.folder.display().to_string())
             .replace("BOX", &self.init)
             .replace("MEMORY2", &memory)
@@ -47,7 +52,8 @@ impl Clip {
             )
     }
 
-    /// Sends the lines after `<` and expects those after `>`, `#` standing for any number; returns the states.
+    /// Sends the lines after `<` and expects those after `>`, `#` standing for any number; returns
+    /// the states.
     fn play(&self, protocol: &str, transcript: &str) -> Vec<[f64; 4]> {
         let mut server = program(["trax", "--protocol", protocol])
             .stdin(Stdio::piped())
@@ -142,12 +148,12 @@ fn assert_near(found: &[[f64; 4]], expected: &[[f64; 4]]) {
 }
 
 #[test]
-fn version_4_as_the_reference_client_speaks_it() {
+fn version_4_session_of_the_reference_client_is_answered() {
     let clip = Clip::new("trax-4");
     let states = clip.play(
         "4",
         r##"
-        > @@TRAX:hello trax.version=4 trax.name=track-cpu trax.region=rectangle;polygon;mask trax.image=path;memory;data trax.channels=color trax.multiobject=1
+        > @@TRAX:hello trax.version=4 SERVER trax.channels=color trax.multiobject=1
         < @@TRAX:initialize "BOX" "object=car 1" 
         < @@TRAX:frame "file://DIR/img1.png" "tag=first" 
         > @@TRAX:state "#,#,#,#" confidence=1.000000
@@ -170,7 +176,7 @@ fn version_4_as_the_reference_client_speaks_it() {
 }
 
 #[test]
-fn versions_1_and_3_take_image_and_region_at_once() {
+fn initialize_of_versions_1_and_3_takes_image_and_region() {
     let clip = Clip::new("trax-3");
     let talk = r##"
         < @@TRAX:initialize "file://DIR/img1.png" "BOX" "p=1" 
@@ -184,8 +190,8 @@ fn versions_1_and_3_take_image_and_region_at_once() {
         > @@TRAX:state "#,#,#,#" confidence=#
         < @@TRAX:quit 
     "##;
-    let hello = "> @@TRAX:hello trax.version=VERSION trax.name=track-cpu trax.region=rectangle;polygon;mask \
-                 trax.image=path;memory;data MORE\n";
+    let hello = "> @@TRAX:hello trax.version=VERSION trax.name=track-cpu \
+                 trax.region=rectangle;polygon;mask trax.image=path;memory;data MORE\n";
     for (version, more) in [
         ("1", "trax.identifier=track-cpu"),
         ("3", "trax.channels=color"),
@@ -198,12 +204,12 @@ fn versions_1_and_3_take_image_and_region_at_once() {
 }
 
 #[test]
-fn several_objects_come_and_go() {
+fn several_objects_are_followed_until_they_are_forgotten() {
     let clip = Clip::new("trax-objects");
     let states = clip.play(
         "4",
         r##"
-        > @@TRAX:hello trax.version=4 trax.name=track-cpu trax.region=rectangle;polygon;mask trax.image=path;memory;data trax.channels=color trax.multiobject=1
+        > @@TRAX:hello trax.version=4 SERVER trax.channels=color trax.multiobject=1
         < @@TRAX:frame "file://DIR/img1.png" 
         < @@TRAX:initialize "BOX" 
         < @@TRAX:initialize "10,10,20,20" 
@@ -228,19 +234,19 @@ fn several_objects_come_and_go() {
 }
 
 #[test]
-fn every_form_of_region_and_picture() {
+fn region_and_picture_of_every_form_are_accepted() {
     let clip = Clip::new("trax-forms");
     let states = clip.play(
         "3",
         r##"
-        > @@TRAX:hello trax.version=3 trax.name=track-cpu trax.region=rectangle;polygon;mask trax.image=path;memory;data trax.channels=color
+        > @@TRAX:hello trax.version=3 SERVER trax.channels=color
         < @@TRAX:initialize "file://DIR/img1.png" "BOX" 
         > @@TRAX:state "#,#,#,#" confidence=1.000000
         < @@TRAX:frame "MEMORY2" 
         > @@TRAX:state "#,#,#,#" confidence=#
         < @@TRAX:frame "DATA3" 
         > @@TRAX:state "#,#,#,#" confidence=#
-        < @@TRAX:initialize "MEMORY2" "40.0000,30.0000,59.0000,30.0000,59.0000,49.0000,40.0000,49.0000" 
+        < @@TRAX:initialize "MEMORY2" "40,30,59,30,59,49,40,49" 
         > @@TRAX:state "39.5000,29.5000,20.0000,20.0000" confidence=1.000000
         < @@TRAX:initialize "DATA3" "mask:3,2,5,6,7,2,3,2" 
         > @@TRAX:state "5.0000,3.0000,2.0000,2.0000" confidence=1.000000
@@ -252,9 +258,10 @@ fn every_form_of_region_and_picture() {
     assert_near(&states[..3], &clip.tracked()[..3]);
 }
 
-/// Whatever cannot be used ends the session with a reason for the client and exit code 3, never with a panic.
+/// Whatever cannot be used ends the session with a reason for the client and exit code 3, never
+/// with a panic.
 #[test]
-fn malformed_messages_end_the_session() {
+fn malformed_message_ends_the_session_with_a_reason() {
     let clip = Clip::new("trax-bad");
     let file = |name: &str, bytes: &[u8]| std::fs::write(clip.folder.join(name), bytes).unwrap();
     file("cut.jpg", b"\xff\xd8\xff\xe0\x00\x10JFIF");
@@ -366,7 +373,7 @@ fn huge_bitmap() -> Vec<u8> {
 }
 
 #[test]
-fn a_client_that_goes_is_no_error() {
+fn client_that_disconnects_is_not_an_error() {
     for said in [
         "",
         "talk\n",
@@ -391,7 +398,7 @@ fn a_client_that_goes_is_no_error() {
 }
 
 #[test]
-fn a_socket_in_place_of_pipes() {
+fn session_over_a_socket_works_as_over_pipes() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port().to_string();
     let mut server = program(["trax"]).env("TRAX_SOCKET", &port).spawn().unwrap();
@@ -416,7 +423,7 @@ fn a_socket_in_place_of_pipes() {
 }
 
 #[test]
-fn the_test_tells_numbers_from_text() {
+fn numbers_are_told_from_text() {
     assert!(is_like("a 1.5,-2 b", "a #,# b") && is_like("x", "x"));
     assert!(
         !is_like("a x,2 b", "a #,# b") && !is_like("a 1 b c", "a # b") && !is_like("a  b", "a # b")

@@ -56,7 +56,8 @@ pub fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// The first frames of a rendered flight in RGB, and the object's box in the first as `--init` takes it.
+/// The first frames of a rendered flight in RGB, and the object's box in the first as `--init`
+/// takes it.
 pub fn flight(frames: usize) -> (Vec<Vec<u8>>, String) {
     let config = FlightConfig {
         width: SIZE.0,
@@ -87,7 +88,8 @@ pub fn write_pngs(folder: &Path, frames: &[Vec<u8>]) {
     }
 }
 
-/// An executable shell script called `ffmpeg` in a folder of its own; returns a `PATH` that finds it first.
+/// An executable shell script called `ffmpeg` in a folder of its own; returns a `PATH` that finds
+/// it first.
 #[cfg(unix)]
 pub fn fake_ffmpeg(name: &str, script: &str) -> std::ffi::OsString {
     use std::os::unix::fs::PermissionsExt;

@@ -1,14 +1,16 @@
 //! `demo`: a rendered flight, tracked from its first true box and shown beside the truth.
 
+use std::path::Path;
 use std::time::Instant;
 
 use image::RgbImage;
+use program::check_outputs;
 use scenes::{Flight, FlightConfig, FrameBuffer, Truth};
 use sequences::{Annotation, Convention, Curves, Judgment, Rect};
 use serde_json::json;
 use track_cpu::{BBox, ChannelOrder, Frame, Tracker};
 
-use crate::args::DemoArgs;
+use crate::args::demo::DemoArgs;
 use crate::exit::Failure;
 use crate::film::Film;
 use crate::overlay::Canvas;
@@ -23,11 +25,14 @@ const LEAST_VISIBLE: f32 = 0.3;
 
 /// Runs the sub-command.
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
-    let model = args.engine.model(args.model.as_deref())?;
+    let model = args.engine.model(args.model.name())?;
     let options = args.engine.options(&model);
     let mut tracker = Tracker::with_options(model, options);
+    let gif = args.out.join("demo.gif");
+    let sheet = args.out.join("sheet.png");
+    let inputs: Vec<&Path> = args.model.name().into_iter().collect();
+    check_outputs(&[("--out", &gif), ("--out", &sheet)], &inputs)?;
     std::fs::create_dir_all(&args.out).map_err(|error| Failure::output(&args.out, error))?;
-    let (gif, sheet) = (args.out.join("demo.gif"), args.out.join("sheet.png"));
     let mut film = Film::create(&gif)?;
 
     let config = FlightConfig {
@@ -81,7 +86,8 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
 
     let (iou, precision) = accuracy(true_boxes, &found_boxes);
     let fps = Times::new(&times).fps();
-    let (frames, seed) = (args.frames, args.seed);
+    let frames = args.frames;
+    let seed = args.seed;
     let summary =
         format!("mean IoU {iou:.3}   precision@20px {precision:.3}   {fps:.0} FPS on the CPU");
     let difficulty = args.difficulty();

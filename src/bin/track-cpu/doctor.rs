@@ -1,5 +1,6 @@
 //! `doctor`: is everything in order on this machine, and how fast will it be?
 
+use kernels::par::Threads;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -7,7 +8,7 @@ use serde_json::{Value, json};
 use track_cpu::net::Network;
 use track_cpu::{Isa, Model};
 
-use crate::args::DoctorArgs;
+use crate::args::doctor::DoctorArgs;
 use crate::exit::Failure;
 use crate::machine::Machine;
 use crate::report::{print, rounded};
@@ -19,23 +20,24 @@ pub fn run(args: &DoctorArgs) -> Result<(), Failure> {
         return print(selftest::golden().trim_end());
     }
     let findings = Findings::gather();
-    match args.json {
-        true => print(&findings.json().to_string())?,
-        false => print(&findings.text())?,
-    }
+    print(&if args.json {
+        findings.json().to_string()
+    } else {
+        findings.text()
+    })?;
     let failed: Vec<&str> = findings
         .outcomes
         .iter()
         .filter(|o| !o.passed())
         .map(|o| o.isa.name())
         .collect();
-    match failed.is_empty() {
-        true => Ok(()),
-        false => Err(Failure::SelfTest(format!(
-            "{} deviate from the golden numbers",
-            failed.join(", ")
-        ))),
+    if failed.is_empty() {
+        return Ok(());
     }
+    Err(Failure::SelfTest(format!(
+        "{} deviate from the golden numbers",
+        failed.join(", ")
+    )))
 }
 
 struct Findings {
@@ -48,7 +50,7 @@ struct Findings {
 impl Findings {
     fn gather() -> Findings {
         let machine = Machine::detect();
-        let mut threads = vec![1, machine.cores.min(256)];
+        let mut threads = vec![1, machine.cores.min(Threads::MAX)];
         threads.dedup();
         let share = Duration::from_secs(1) / threads.len() as u32;
         let speeds = threads.into_iter().map(|n| (n, speed(n, share))).collect();
@@ -87,11 +89,12 @@ impl Findings {
             })
             .collect();
         let ffmpeg = self.ffmpeg.as_deref().unwrap_or(
-            "not found: video files and URLs cannot be read, nor .mp4 written; folders, pipes and GIFs work",
+            "not found: video files and URLs cannot be read, nor .mp4 written; folders, pipes and \
+             GIFs work",
         );
         format!(
-            "machine    {}\nfeatures   {}\nkernels    {chosen}, of {all}\nself-test  {}\nspeed      about {}\n\
-             ffmpeg     {ffmpeg}",
+            "machine    {}\nfeatures   {}\nkernels    {chosen}, of {all}\nself-test  {}\n\
+             speed      about {}\nffmpeg     {ffmpeg}",
             self.machine,
             features().join(" "),
             tests.join("\n           "),
@@ -123,7 +126,8 @@ impl Findings {
     }
 }
 
-/// Search passes of the built-in network per second, nearly all of a frame's work, measured for that long.
+/// Search passes of the built-in network per second, nearly all of a frame's work, measured for
+/// that long.
 fn speed(threads: usize, long: Duration) -> f64 {
     let model = Model::builtin(Isa::detect());
     let sides = [

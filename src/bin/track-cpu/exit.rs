@@ -1,36 +1,12 @@
-//! How the program ends: one table of exit codes, one type of failure.
+//! How the program ends: one type of failure, and its exit code.
 
 use std::io::ErrorKind;
 use std::path::Path;
 use std::process::ExitCode;
 
+use program::{Clash, Exit};
 use track_cpu::source::SourceError;
-use track_cpu::{FrameError, ModelError, TrackError};
-
-/// Every exit code with its meaning; `--help` prints this table.
-const CODES: [(u8, &str); 7] = [
-    (0, "done, or the reader of standard output has gone"),
-    (2, "a command-line argument is wrong"),
-    (INPUT, "an input cannot be read"),
-    (MODEL, "a model file cannot be used"),
-    (OUTPUT, "an output cannot be written"),
-    (TARGET, "the tracker refuses the box"),
-    (SELF_TEST, "the self-test of `doctor` failed"),
-];
-const INPUT: u8 = 3;
-const MODEL: u8 = 4;
-const OUTPUT: u8 = 5;
-const TARGET: u8 = 6;
-const SELF_TEST: u8 = 7;
-
-/// The table for `--help`.
-pub fn help() -> String {
-    let lines: Vec<String> = CODES
-        .iter()
-        .map(|(code, meaning)| format!("  {code}  {meaning}"))
-        .collect();
-    format!("Exit codes:\n{}", lines.join("\n"))
-}
+use track_cpu::{BBox, FrameError, ModelError, TrackError};
 
 /// Why the program ends early.
 #[derive(Debug, thiserror::Error)]
@@ -66,7 +42,25 @@ pub enum Failure {
     /// The self-test failed.
     #[error("self-test failed: {0}")]
     SelfTest(String),
-    /// A rendered frame is none.
+    /// A box in shares of the frame.
+    #[error(
+        "--init: box {x},{y},{w},{h}: expected pixels, found shares of the frame; multiply left \
+         and width by the frame's width, top and height by its height",
+        x = .0.x, y = .0.y, w = .0.w, h = .0.h
+    )]
+    Normalized(BBox),
+    /// Frames that could not be read were held or skipped.
+    #[error("{count} frames could not be read; {consequence}")]
+    BadFrames {
+        /// How many.
+        count: usize,
+        /// What stands for them in the results.
+        consequence: &'static str,
+    },
+    /// An output would overwrite an input.
+    #[error(transparent)]
+    Clash(#[from] Clash),
+    /// A rendered frame is invalid.
     #[error("rendered frame: {0}")]
     Rendered(#[from] FrameError),
     /// A flight log cannot be used.
@@ -77,7 +71,7 @@ pub enum Failure {
         /// What was expected and found.
         reason: String,
     },
-    /// Whoever read our output has gone: a quiet end.
+    /// The reader of standard output has gone: a quiet end.
     #[error("standard output was closed")]
     ClosedPipe,
 }
@@ -91,7 +85,7 @@ impl Failure {
         }
     }
 
-    /// A failure to write to standard output; that its reader has gone is none to speak of.
+    /// A failure to write to standard output. A closed pipe is not an error.
     pub fn stdout(error: &std::io::Error) -> Failure {
         match error.kind() {
             ErrorKind::BrokenPipe => Failure::ClosedPipe,
@@ -102,17 +96,18 @@ impl Failure {
         }
     }
 
-    /// Says on standard error what happened and picks the exit code.
+    /// Prints the failure on standard error and returns its exit code.
     pub fn exit(&self) -> ExitCode {
-        let code = match self {
+        let exit = match self {
             Failure::ClosedPipe => return ExitCode::SUCCESS,
-            Failure::Input(_) | Failure::Frame { .. } | Failure::Log { .. } => INPUT,
-            Failure::Model(_) | Failure::Presence(_) => MODEL,
-            Failure::Output { .. } => OUTPUT,
-            Failure::Target(_) => TARGET,
-            Failure::SelfTest(_) | Failure::Rendered(_) => SELF_TEST,
+            Failure::Clash(_) => Exit::Usage,
+            Failure::Input(_) | Failure::Frame { .. } | Failure::Log { .. } => Exit::Input,
+            Failure::Model(_) | Failure::Presence(_) => Exit::Model,
+            Failure::Output { .. } => Exit::Output,
+            Failure::Target(_) | Failure::Normalized(_) => Exit::Target,
+            Failure::SelfTest(_) | Failure::Rendered(_) => Exit::Check,
+            Failure::BadFrames { .. } => Exit::Frames,
         };
-        eprintln!("error: {self}");
-        ExitCode::from(code)
+        exit.fail(self)
     }
 }

@@ -1,6 +1,5 @@
 //! Drawn frames on their way into a folder of JPEGs, a GIF or a video.
 
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -8,12 +7,13 @@ use std::process::{Child, Command, Stdio};
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::codecs::jpeg::JpegEncoder;
 use image::{Delay, ImageError, RgbImage};
+use program::NewFile;
 use track_cpu::Frame;
 
 use crate::exit::Failure;
 use crate::overlay::Canvas;
 
-/// Frames per second that a film is played with: sources do not tell theirs.
+/// Frames per second of a film: sources do not tell theirs.
 const RATE: u32 = 30;
 
 /// Where drawn frames go.
@@ -27,18 +27,26 @@ pub enum Film {
 }
 
 impl Film {
-    /// Opens a film: a GIF or video by its extension, a folder otherwise.
+    /// The first file that a film of this path writes: itself, or a picture in a folder.
+    pub fn first_file(path: &Path) -> PathBuf {
+        if has_extension(path, "gif") || has_extension(path, "mp4") {
+            path.to_path_buf()
+        } else {
+            path.join(picture_name(0))
+        }
+    }
+
+    /// Opens a film: a GIF or video by its extension, a folder otherwise. A GIF or video takes its
+    /// place when it is complete.
     pub fn create(path: &Path) -> Result<Film, Failure> {
-        let is = |extension| {
-            path.extension()
-                .is_some_and(|found| found.eq_ignore_ascii_case(extension))
-        };
-        if is("gif") {
+        if has_extension(path, "gif") {
             return Gif::create(path).map(Film::Gif);
         }
-        if is("mp4") {
+        if has_extension(path, "mp4") {
+            let file = NewFile::create(path).map_err(|error| Failure::output(path, error))?;
             return Ok(Film::Video(Video {
                 path: path.into(),
+                file,
                 encoder: None,
                 size: (0, 0),
             }));
@@ -58,7 +66,7 @@ impl Film {
             Film::Folder(folder) => {
                 let mut canvas = Canvas::new(frame);
                 draw(&mut canvas);
-                let path = folder.join(format!("{index:06}.jpg"));
+                let path = folder.join(picture_name(index));
                 save_jpeg(&canvas.picture, &path).map_err(|error| Failure::output(&path, error))
             }
             Film::Gif(gif) => {
@@ -79,16 +87,27 @@ impl Film {
     }
 }
 
-fn save_jpeg(picture: &RgbImage, path: &Path) -> Result<(), ImageError> {
-    let mut file = std::io::BufWriter::new(File::create(path)?);
-    JpegEncoder::new_with_quality(&mut file, 90).encode_image(picture)?;
-    Ok(file.flush()?)
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension()
+        .is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }
 
-/// An animated GIF that stays small however long the video is: frames are scaled down and thinned out.
+/// The file name of a frame's picture.
+fn picture_name(index: usize) -> String {
+    format!("{index:06}.jpg")
+}
+
+fn save_jpeg(picture: &RgbImage, path: &Path) -> Result<(), ImageError> {
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, 90).encode_image(picture)?;
+    Ok(NewFile::write(path, &jpeg)?)
+}
+
+/// An animated GIF that stays small however long the video is: frames are scaled down and thinned
+/// out.
 pub struct Gif {
     path: PathBuf,
-    file: File,
+    file: NewFile,
     size: Option<(u32, u32)>,
     pictures: Vec<RgbImage>,
     step: usize, // every step-th frame is kept
@@ -103,7 +122,7 @@ impl Gif {
     const TOLERANCE: u8 = 7;
 
     fn create(path: &Path) -> Result<Gif, Failure> {
-        let file = File::create(path).map_err(|error| Failure::output(path, error))?;
+        let file = NewFile::create(path).map_err(|error| Failure::output(path, error))?;
         Ok(Gif {
             path: path.into(),
             file,
@@ -142,6 +161,9 @@ impl Gif {
     }
 
     fn finish(mut self) -> Result<(), Failure> {
+        if self.pictures.is_empty() {
+            return Ok(());
+        }
         let bytes = loop {
             let bytes = self
                 .encode()
@@ -153,6 +175,7 @@ impl Gif {
         };
         self.file
             .write_all(&bytes)
+            .and_then(|()| self.file.keep())
             .map_err(|error| Failure::output(&self.path, error))
     }
 
@@ -170,19 +193,18 @@ impl Gif {
     }
 }
 
-/// Lets each row's pixels repeat the one before where they are close to it, which GIF's compression rewards.
+/// Lets each row's pixels repeat the one before where they are close to it, which GIF's compression
+/// rewards.
 fn soften(picture: &mut RgbImage, tolerance: u8) {
     let row_bytes = 3 * picture.width() as usize;
     for row in picture.chunks_exact_mut(row_bytes) {
         let mut last = [row[0], row[1], row[2]];
         for pixel in row.chunks_exact_mut(3) {
-            match pixel
-                .iter()
-                .zip(last)
-                .all(|(&a, b)| a.abs_diff(b) <= tolerance)
-            {
-                true => pixel.copy_from_slice(&last),
-                false => last.copy_from_slice(pixel),
+            let is_close = |(&a, b): (&u8, u8)| a.abs_diff(b) <= tolerance;
+            if pixel.iter().zip(last).all(is_close) {
+                pixel.copy_from_slice(&last);
+            } else {
+                last.copy_from_slice(pixel);
             }
         }
     }
@@ -191,6 +213,7 @@ fn soften(picture: &mut RgbImage, tolerance: u8) {
 /// A video that ffmpeg encodes; it starts with the first frame, whose size all others get.
 pub struct Video {
     path: PathBuf,
+    file: NewFile,
     encoder: Option<Child>,
     size: (u32, u32),
 }
@@ -237,18 +260,19 @@ impl Video {
             "+faststart",
         ]);
         let mut url = std::ffi::OsString::from("file:");
-        url.push(&self.path);
+        url.push(self.file.path());
         command.arg(url).stdin(Stdio::piped()).stdout(Stdio::null());
         command.spawn().map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => Failure::output(
                 &self.path,
-                "ffmpeg is needed to write video, but was not found: install it, or write a folder or GIF",
+                "ffmpeg is needed to write video, but was not found: install it, or write a \
+                 folder or GIF",
             ),
             _ => Failure::output(&self.path, format!("ffmpeg could not be started: {error}")),
         })
     }
 
-    /// Why ffmpeg stopped reading; it has told the details on standard error itself.
+    /// Why ffmpeg stopped reading; its own words are on standard error.
     fn failure(&mut self) -> Failure {
         let status = self.encoder.take().and_then(|mut encoder| {
             drop(encoder.stdin.take());
@@ -267,7 +291,10 @@ impl Video {
         };
         drop(encoder.stdin.take());
         match encoder.wait() {
-            Ok(status) if status.success() => Ok(()),
+            Ok(status) if status.success() => {
+                let kept = self.file.keep();
+                kept.map_err(|error| Failure::output(&self.path, error))
+            }
             _ => Err(self.failure()),
         }
     }
@@ -279,7 +306,7 @@ mod tests {
     use image::Rgb;
 
     #[test]
-    fn softening_stays_within_the_tolerance() {
+    fn softened_picture_stays_within_the_tolerance() {
         let mut picture = RgbImage::from_fn(64, 3, |x, y| Rgb([(x * 5) as u8, (x * y) as u8, 9]));
         let before = picture.clone();
         soften(&mut picture, 7);
@@ -299,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn thinning_keeps_the_pace() {
+    fn long_gif_is_thinned_evenly() {
         let path = std::env::temp_dir().join(format!("track-cpu-thin-{}.gif", std::process::id()));
         let mut gif = Gif::create(&path).unwrap();
         let pixels: Vec<u8> = vec![0; 4];

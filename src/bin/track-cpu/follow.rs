@@ -1,4 +1,4 @@
-//! What follows the target in `track`: the tracker as published, or flight mode.
+//! What follows the target in `track`: the tracker alone, or flight mode.
 
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker};
@@ -6,25 +6,40 @@ use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker};
 use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 
-/// Searches per frame while the target is lost: a number, not a time, so that every run gives the same boxes.
+/// Searches per frame while the target is lost: a number, not a time, so that every run gives the
+/// same boxes.
 const SEARCHES: u32 = 2;
 
 /// A tracker of either mode.
 pub enum Follower {
-    /// As published.
-    Paper(Box<Tracker>),
+    /// The tracker alone.
+    Plain(Box<Tracker>),
     /// Knows when the target is lost.
     Flight(Box<FlightTracker>),
 }
 
 /// Where the target is.
+#[derive(Clone, Copy)]
 pub struct Found {
     /// Its box in frame pixels.
     pub bbox: BBox,
-    /// Raw score; none for the box given.
+    /// Raw score; none for the box given and for a held box.
     pub score: Option<f32>,
     /// Presence and state in flight mode.
     pub sureness: Option<(f32, State)>,
+    /// Whether this is the box of the frame before, since the frame could not be read.
+    pub is_held: bool,
+}
+
+impl Found {
+    /// The same box for the next frame, which cannot be read.
+    pub fn held(&self) -> Found {
+        Found {
+            score: None,
+            is_held: true,
+            ..*self
+        }
+    }
 }
 
 impl Follower {
@@ -33,12 +48,11 @@ impl Follower {
     pub fn new(model: Model, engine: &EngineArgs, mode: Mode) -> Result<Follower, Failure> {
         let options = engine.options(&model);
         Ok(match mode {
-            Mode::Paper => Follower::Paper(Box::new(Tracker::with_options(model, options))),
+            Mode::Plain => Follower::Plain(Box::new(Tracker::with_options(model, options))),
             Mode::Flight => {
-                let (threads, cores) = (engine.threads, engine.cores());
                 let options = FlightOptions {
-                    threads,
-                    cores,
+                    threads: engine.threads,
+                    cores: engine.cores(),
                     ..FlightOptions::new(&model)
                 };
                 Follower::Flight(Box::new(FlightTracker::new(model, options)?))
@@ -49,10 +63,11 @@ impl Follower {
     /// Takes what is inside the box as the target.
     ///
     /// # Errors
-    /// As [`Tracker::init`].
-    pub fn start(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<Found, TrackError> {
+    /// As [`Tracker::init`], or if the box is in shares of the frame.
+    pub fn start(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<Found, Failure> {
+        check_pixels(bbox)?;
         let sureness = match self {
-            Follower::Paper(tracker) => tracker.init(frame, bbox).map(|()| None)?,
+            Follower::Plain(tracker) => tracker.init(frame, bbox).map(|()| None)?,
             Follower::Flight(tracker) => tracker
                 .init(frame, bbox)
                 .map(|()| Some((1.0, State::Tracking)))?,
@@ -61,6 +76,7 @@ impl Follower {
             bbox,
             score: None,
             sureness,
+            is_held: false,
         })
     }
 
@@ -70,12 +86,13 @@ impl Follower {
     /// As [`Tracker::update`].
     pub fn follow(&mut self, frame: &Frame<'_>) -> Result<Found, TrackError> {
         Ok(match self {
-            Follower::Paper(tracker) => {
+            Follower::Plain(tracker) => {
                 let track = tracker.update(frame)?;
                 Found {
                     bbox: track.bbox,
                     score: Some(track.score),
                     sureness: None,
+                    is_held: false,
                 }
             }
             Follower::Flight(tracker) => {
@@ -85,8 +102,25 @@ impl Follower {
                     bbox: track.bbox,
                     score: Some(track.score),
                     sureness,
+                    is_held: false,
                 }
             }
         })
     }
+}
+
+/// Refuses a box in shares of the frame, as YOLO writes them: no number of it is above 1.
+///
+/// # Errors
+/// If the box is such a one.
+pub fn check_pixels(bbox: BBox) -> Result<(), Failure> {
+    let is_positive = bbox.w > 0.0 && bbox.h > 0.0; // other boxes are refused with a better reason
+    if is_positive
+        && [bbox.x, bbox.y, bbox.w, bbox.h]
+            .iter()
+            .all(|number| *number <= 1.0)
+    {
+        return Err(Failure::Normalized(bbox));
+    }
+    Ok(())
 }

@@ -7,7 +7,8 @@ pub const HEIGHT: usize = 7;
 /// Rows of a letter with what hangs below the base line.
 const ROWS: usize = 9;
 
-/// The rows of a letter from the top, its leftmost pixel in bit 4; a hollow box for letters that are not here.
+/// The rows of a letter from the top, its leftmost pixel in bit 4; a hollow box for letters that
+/// are not here.
 pub fn glyph(letter: char) -> [u8; ROWS] {
     let found = GLYPHS.iter().find(|(l, _)| *l == letter);
     found.map_or(

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use track_cpu::Model;
 use weights_format::{Architecture, Header, Layer, LayerKind, Storage};
 
-use crate::args::InfoArgs;
+use crate::args::info::InfoArgs;
 use crate::exit::Failure;
 use crate::report::{grouped, print, rounded, table};
 
@@ -14,10 +14,11 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         (Some(architecture), _) => Header::new(architecture),
         (None, name) => Model::find(name)?.header,
     };
-    match args.json {
-        true => print(&as_json(&header).to_string()),
-        false => print(&as_text(&header)),
-    }
+    print(&if args.json {
+        as_json(&header).to_string()
+    } else {
+        as_text(&header)
+    })
 }
 
 fn as_text(header: &Header) -> String {
@@ -83,9 +84,10 @@ fn as_text(header: &Header) -> String {
 }
 
 const NOTES: &str = "\
-template, search: side of the layer's output for the template crop (once per target) and the search crop (once per
-frame). Parameters are counted as papers do: weights, biases, scale and shift of batch normalization, which the file
-has folded into its weights. MMAC: million multiply-accumulates of the plain algorithm.";
+template, search: side of the layer's output for the template crop (once per target) and the search
+crop (once per frame). Parameters are counted as papers do: weights, biases, scale and shift of
+batch normalization, which the file has folded into its weights. MMAC: million multiply-accumulates
+of the plain algorithm.";
 
 /// Everything that is not a layer.
 fn about(header: &Header) -> String {
@@ -125,7 +127,8 @@ fn about(header: &Header) -> String {
     add(
         "tracker",
         format!(
-            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, correction {}, template_update {}, online_filter {}",
+            "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, \
+             correction {}, template_update {}, online_filter {}",
             t.context_amount,
             t.size_lr,
             t.window_influence,

@@ -26,9 +26,10 @@ pub struct Machine {
 }
 
 /// The compiler; a program that is not optimized says so, for its speed means nothing.
-const BUILD: &str = match cfg!(debug_assertions) {
-    true => concat!(env!("TRACK_CPU_COMPILER"), ", not optimized"),
-    false => env!("TRACK_CPU_COMPILER"),
+const BUILD: &str = if cfg!(debug_assertions) {
+    concat!(env!("TRACK_CPU_COMPILER"), ", not optimized")
+} else {
+    env!("TRACK_CPU_COMPILER")
 };
 
 impl Machine {

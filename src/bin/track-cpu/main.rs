@@ -4,6 +4,7 @@
 
 mod args;
 mod bench;
+mod cli;
 mod demo;
 mod doctor;
 mod exit;
@@ -22,18 +23,16 @@ mod sheet;
 mod statistics;
 mod track;
 mod trax;
-mod worker;
 
 use std::process::ExitCode;
 
-use args::{Args, Command};
+use cli::{Args, Command};
 
 fn main() -> ExitCode {
     let done = match Args::read().command {
         Command::Track(args) => track::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Info(args) => info::run(&args),
-        Command::Bench(args) if args.worker => worker::run(&args),
         Command::Bench(args) => bench::run(&args),
         #[cfg(feature = "serve")]
         Command::Serve(args) => serve::run(&args),

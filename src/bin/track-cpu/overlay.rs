@@ -120,7 +120,8 @@ impl Canvas {
         self.text(margin, height - h + margin, text, self.unit, WHITE);
     }
 
-    /// Text whose upper left corner is at `(x, y)`; a letter's pixel has `unit` canvas pixels a side.
+    /// Text whose upper left corner is at `(x, y)`; a letter's pixel has `unit` canvas pixels a
+    /// side.
     pub fn text(&mut self, x: i32, y: i32, text: &str, unit: i32, color: Rgb<u8>) {
         for (i, letter) in text.chars().enumerate() {
             let left = x + i as i32 * (font::WIDTH as i32 + 1) * unit;

@@ -1,4 +1,5 @@
-//! The overlay of `track`, drawn and encoded on a thread of its own while the next frames are tracked.
+//! The overlay of `track`, drawn and encoded on a thread of its own while the next frames are
+//! tracked.
 
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
@@ -10,7 +11,8 @@ use crate::exit::Failure;
 use crate::film::Film;
 use crate::follow::Found;
 
-/// Frames that wait to be drawn: memory for a short burst; a film that stays slower than the tracker holds it up.
+/// Frames that wait to be drawn: memory for a short burst; a film that stays slower than the
+/// tracker holds it up.
 const WAITING: usize = 4;
 
 /// One frame to draw.
@@ -49,7 +51,8 @@ impl Painter {
         })
     }
 
-    /// Has a frame drawn; `false` if the film has failed, for which [`finish`](Self::finish) has the reason.
+    /// Has a frame drawn; `false` if the film has failed, for which [`finish`](Self::finish) has
+    /// the reason.
     pub fn add(&self, index: usize, image: Image, found: Found) -> bool {
         self.jobs
             .send(Job {

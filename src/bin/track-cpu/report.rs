@@ -31,7 +31,8 @@ pub fn grouped(number: u64) -> String {
     out
 }
 
-/// A progress bar on standard error; hidden where that is no terminal. `None` frames: it counts without an end.
+/// A progress bar on standard error; hidden where that is no terminal. `None` frames: it counts
+/// without an end.
 pub fn progress(frames: Option<usize>) -> ProgressBar {
     let (bar, template) = match frames {
         Some(frames) => (

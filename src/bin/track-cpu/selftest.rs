@@ -3,7 +3,8 @@
 use track_cpu::net::{Network, Outputs};
 use track_cpu::{Isa, Model, Precision};
 
-/// Outputs of the built-in model on [`crops`]: index of a cell, its score, its four offsets, per line.
+/// Outputs of the built-in model on [`crops`]: index of a cell, its score, its four offsets, per
+/// line.
 const GOLDEN: &str = include_str!("golden.txt");
 
 /// Largest deviation of a score accepted.
@@ -104,8 +105,8 @@ fn worse(a: f32, b: f32) -> f32 {
     if a >= b || a.is_nan() { a } else { b }
 }
 
-/// A template and a search crop, BGR: a car-like block on textured ground, made of integers only so that it is the
-/// same on every machine.
+/// A template and a search crop, BGR: a car-like block on textured ground, made of integers only so
+/// that it is the same on every machine.
 fn crops() -> (Vec<u8>, Vec<u8>) {
     (crop(127, 63, 63), crop(303, 175, 135))
 }

@@ -1,8 +1,10 @@
 //! A contact sheet: frames of a film side by side, under one title.
 
+use std::io::Cursor;
 use std::path::Path;
 
-use image::{Rgb, RgbImage, imageops};
+use image::{ImageFormat, Rgb, RgbImage, imageops};
+use program::NewFile;
 
 use crate::exit::Failure;
 use crate::overlay::{AMBER, Canvas, WHITE, text_width};
@@ -13,7 +15,8 @@ const TITLE_HEIGHT: u32 = 44;
 const PAPER: Rgb<u8> = Rgb([24, 26, 30]);
 const FAINT: Rgb<u8> = Rgb([150, 155, 165]);
 
-/// Writes pictures of equal size as a PNG, four in a row, with a title and the colors' meaning above.
+/// Writes pictures of equal size as a PNG, four in a row, with a title and the colors' meaning
+/// above.
 pub fn write(
     path: &Path,
     title: &str,
@@ -39,10 +42,12 @@ pub fn write(
         );
         imageops::replace(&mut sheet.picture, picture, i64::from(x), i64::from(y));
     }
+    let mut png = Cursor::new(Vec::new());
     sheet
         .picture
-        .save(path)
-        .map_err(|error| Failure::output(path, error))
+        .write_to(&mut png, ImageFormat::Png)
+        .map_err(|error| Failure::output(path, error))?;
+    NewFile::write(path, png.get_ref()).map_err(|error| Failure::output(path, error))
 }
 
 /// What the colors mean, right-aligned.

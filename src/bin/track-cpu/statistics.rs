@@ -42,7 +42,8 @@ impl Times {
         }
     }
 
-    /// Frames per second: frames divided by their total time, not the mean of rates. 0 without frames.
+    /// Frames per second: frames divided by their total time, not the mean of rates. 0 without
+    /// frames.
     pub fn fps(&self) -> f64 {
         if self.total > 0.0 {
             self.sorted.len() as f64 / self.total * 1e3
@@ -51,7 +52,8 @@ impl Times {
         }
     }
 
-    /// Mean of the frames' own rates: the got10k toolkit's figure, never below [`fps`](Self::fps). 0 without frames.
+    /// Mean of the frames' own rates: the got10k toolkit's figure, never below [`fps`](Self::fps).
+    /// 0 without frames.
     pub fn mean_of_rates(&self) -> f64 {
         if self.sorted.is_empty() {
             0.0
@@ -60,7 +62,8 @@ impl Times {
         }
     }
 
-    /// Medians of up to ten equal blocks of consecutive frames, in milliseconds: how steady the run was.
+    /// Medians of up to ten equal blocks of consecutive frames, in milliseconds: how steady the run
+    /// was.
     pub fn blocks(&self) -> &[f64] {
         &self.blocks
     }
@@ -74,7 +77,8 @@ impl Times {
         }
     }
 
-    /// The time that a share of the frames does not exceed (nearest rank), in milliseconds; 0 without frames.
+    /// The time that a share of the frames does not exceed (nearest rank), in milliseconds; 0
+    /// without frames.
     pub fn percentile(&self, share: f64) -> f64 {
         let rank = (share * self.sorted.len() as f64).ceil() as usize;
         self.sorted.get(rank.max(1) - 1).copied().unwrap_or(0.0)

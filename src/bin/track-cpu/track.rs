@@ -1,17 +1,18 @@
 //! `track`: an input, a box, and a line per frame.
 
-use std::fs::File;
 use std::io::{IsTerminal, LineWriter, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use serde_json::json;
+use program::{NewFile, brief, check_outputs};
+use serde_json::{Value, json};
 use track_cpu::BBox;
-use track_cpu::source::{Input, Prefetch, Source};
+use track_cpu::source::{BadFrames, Image, Input, OnBadFrame, Prefetch, Source};
 
-use crate::args::TrackArgs;
+use crate::args::track::TrackArgs;
 use crate::exit::Failure;
+use crate::film::Film;
 use crate::follow::{Follower, Found};
 use crate::painter::Painter;
 use crate::report::{progress, rounded};
@@ -22,136 +23,236 @@ const AHEAD: usize = 3;
 
 /// Runs the sub-command.
 pub fn run(args: &TrackArgs) -> Result<(), Failure> {
-    let model = args.engine.model(args.model.as_deref())?;
-    let input = Input {
+    let model = args.engine.model(args.model.name())?;
+    let source = Source::open(&Input {
         location: args.input.clone(),
-        raw: args.raw(),
+        raw: args.raw.format(),
         start: args.start,
         end: args.end,
-    };
-    let source = Source::open(&input)?;
+    })?;
+    check(args, &source)?;
+    if let Some(note) = source.note() {
+        eprintln!("note: {}", brief(note));
+    }
     // On one terminal, boxes and a bar would overwrite each other.
-    let bar = match args.out.is_none() && std::io::stdout().is_terminal() {
-        true => ProgressBar::hidden(),
-        false => progress(source.frames_left()),
+    let bar = if args.out.is_none() && std::io::stdout().is_terminal() {
+        ProgressBar::hidden()
+    } else {
+        progress(source.frames_left())
     };
-    let mut frames = Prefetch::new(source, AHEAD);
-    let mut boxes = Boxes::create(args.out.as_deref(), args.json)?;
-    let painter = args.overlay.as_deref().map(Painter::create).transpose()?;
-    let mut tracker = Follower::new(model, &args.engine, args.mode)?;
+    let mut run = Run {
+        args,
+        tracker: Follower::new(model, &args.engine, args.mode)?,
+        boxes: Boxes::create(args.out.as_deref(), args.json)?,
+        painter: args.overlay.as_deref().map(Painter::create).transpose()?,
+        bad: BadFrames::new(args.bad_frames.on_bad_frame),
+        size: None,
+        times: Vec::new(),
+    };
 
     let began = Instant::now();
-    let mut times = Vec::new();
-    let mut step = |index: usize, frames: &mut Prefetch| -> Result<bool, Failure> {
-        let Some(image) = frames.next() else {
-            return Ok(false);
+    let done = run.follow(&mut Prefetch::new(source, AHEAD), &bar);
+    bar.finish_and_clear();
+    let filmed = run.painter.take().map_or(Ok(()), Painter::finish);
+    if !matches!(done, Err(Failure::ClosedPipe)) && !run.times.is_empty() {
+        run.summarize(began.elapsed());
+    }
+    done.and(filmed).and(run.complete())
+}
+
+/// Refuses outputs that would destroy an input.
+fn check(args: &TrackArgs, source: &Source) -> Result<(), Failure> {
+    let film = args.overlay.as_deref().map(Film::first_file);
+    let mut outputs: Vec<(&str, &Path)> = Vec::new();
+    outputs.extend(args.out.as_deref().map(|path| ("--out", path)));
+    outputs.extend(film.as_deref().map(|path| ("--overlay", path)));
+    let mut inputs: Vec<&Path> = source
+        .places()
+        .iter()
+        .map(|place| place.as_path())
+        .collect();
+    inputs.extend(args.model.name());
+    Ok(check_outputs(&outputs, &inputs)?)
+}
+
+/// One run over an input.
+struct Run<'a> {
+    args: &'a TrackArgs,
+    tracker: Follower,
+    boxes: Boxes,
+    painter: Option<Painter>,
+    bad: BadFrames,
+    size: Option<(usize, usize)>, // of the frame before
+    times: Vec<Duration>,         // of every frame but the first
+}
+
+impl Run<'_> {
+    /// From the first frame to the last: frame, box, line, picture.
+    fn follow(&mut self, frames: &mut Prefetch, bar: &ProgressBar) -> Result<(), Failure> {
+        let mut index = self.args.start;
+        let Some(first) = frames.next() else {
+            return Ok(()); // a source has a frame or gives an error
         };
-        let image = image.map_err(|error| Failure::Frame {
+        let first = first.map_err(|error| Failure::Frame {
             frame: index,
             error,
         })?;
-        let frame = image.frame();
+        self.see_size(index, &first);
         let started = Instant::now();
-        let found = match index == args.start {
-            true => tracker.start(&frame, args.init)?,
-            false => tracker.follow(&frame)?,
-        };
-        let took = started.elapsed();
-        if index > args.start {
-            times.push(took);
-        }
-        boxes.write(index, &found, took)?;
-        match &painter {
-            None => frames.recycle(image),
-            Some(painter) => {
-                let drawing = painter.add(index, image, found);
-                painter.drawn().for_each(|image| frames.recycle(image));
-                if !drawing {
-                    return Ok(false);
+        let mut found = self.tracker.start(&first.frame(), self.args.init)?;
+        self.boxes.write(index, &found, started.elapsed())?;
+        let mut is_painting = self.paint(index, first, found, frames);
+        bar.inc(1);
+
+        while is_painting && let Some(image) = frames.next() {
+            index += 1;
+            match image {
+                Ok(image) => {
+                    self.see_size(index, &image);
+                    let started = Instant::now();
+                    found = self.tracker.follow(&image.frame())?;
+                    let took = started.elapsed();
+                    self.times.push(took);
+                    self.boxes.write(index, &found, took)?;
+                    is_painting = self.paint(index, image, found, frames);
+                }
+                Err(error) => {
+                    let bad = self.bad.pass(error).map_err(|error| Failure::Frame {
+                        frame: index,
+                        error,
+                    })?;
+                    eprintln!("warning: frame {index}: {bad}");
+                    if bad.is_held {
+                        self.boxes.write(index, &found.held(), Duration::ZERO)?;
+                    }
                 }
             }
+            bar.inc(1);
         }
-        bar.inc(1);
-        Ok(true)
-    };
-    let mut done = Ok(());
-    for index in args.start.. {
-        match step(index, &mut frames) {
-            Ok(true) => {}
-            Ok(false) => break,
-            Err(failure) => {
-                done = Err(failure);
-                break;
+        Ok(())
+    }
+
+    /// Has a frame drawn, or gives its buffer back; `false` if the film has failed.
+    fn paint(&self, index: usize, image: Image, found: Found, frames: &Prefetch) -> bool {
+        let Some(painter) = &self.painter else {
+            frames.recycle(image);
+            return true;
+        };
+        let is_painting = painter.add(index, image, found);
+        for image in painter.drawn() {
+            frames.recycle(image);
+        }
+        is_painting
+    }
+
+    /// Reports a frame whose size differs from that of the frame before.
+    fn see_size(&mut self, index: usize, image: &Image) {
+        let size = (image.width, image.height);
+        if let Some((w, h)) = self.size.filter(|before| *before != size) {
+            let (width, height) = size;
+            eprintln!("note: frame {index}: {width}x{height} pixels, {w}x{h} before");
+        }
+        self.size = Some(size);
+    }
+
+    fn summarize(&self, all: Duration) {
+        let frames = self.times.len() + 1;
+        let tracking = Times::new(&self.times).fps();
+        let total = frames as f64 / all.as_secs_f64();
+        let mut text = format!(
+            "{frames} frames: {tracking:.1} FPS tracking, {total:.1} FPS with reading and writing"
+        );
+        for (what, path) in [("boxes", &self.args.out), ("pictures", &self.args.overlay)] {
+            if let Some(path) = path {
+                text += &format!("; {what} in {}", path.display());
             }
         }
+        eprintln!("{text}");
     }
-    bar.finish_and_clear();
-    let filmed = painter.map_or(Ok(()), Painter::finish);
-    if !matches!(done, Err(Failure::ClosedPipe)) && !times.is_empty() {
-        summarize(args, &times, began.elapsed());
+
+    /// An error if frames could not be read.
+    fn complete(&self) -> Result<(), Failure> {
+        let consequence = match self.args.bad_frames.on_bad_frame {
+            OnBadFrame::Skip => "they have no line",
+            OnBadFrame::Hold | OnBadFrame::Stop => "their lines hold the box before",
+        };
+        match self.bad.count() {
+            0 => Ok(()),
+            count => Err(Failure::BadFrames { count, consequence }),
+        }
     }
-    done.and(filmed)
 }
 
-fn summarize(args: &TrackArgs, times: &[Duration], all: Duration) {
-    let (frames, tracking) = (times.len() + 1, Times::new(times));
-    let total = frames as f64 / all.as_secs_f64();
-    let to = |path: &Option<std::path::PathBuf>, what| {
-        path.as_ref().map_or(String::new(), |path| {
-            format!("; {what} in {}", path.display())
-        })
-    };
-    eprintln!(
-        "{frames} frames: {:.1} FPS tracking, {total:.1} FPS with reading and writing{}{}",
-        tracking.fps(),
-        to(&args.out, "boxes"),
-        to(&args.overlay, "pictures"),
-    );
+/// One line per frame, written out as soon as it is known.
+enum Boxes {
+    Stdout(Format),
+    File(LineWriter<NewFile>, Format, String),
 }
 
-/// One line per frame, written out as soon as it is there.
-struct Boxes {
-    out: LineWriter<Box<dyn Write>>,
-    file: Option<String>,
-    json: bool,
+/// How a line is written.
+#[derive(Clone, Copy)]
+enum Format {
+    Numbers,
+    Json,
 }
 
 impl Boxes {
     fn create(path: Option<&Path>, json: bool) -> Result<Boxes, Failure> {
-        let out: Box<dyn Write> = match path {
-            Some(path) => {
-                Box::new(File::create(path).map_err(|error| Failure::output(path, error))?)
-            }
-            None => Box::new(std::io::stdout()),
+        let format = if json { Format::Json } else { Format::Numbers };
+        let Some(path) = path else {
+            return Ok(Boxes::Stdout(format));
         };
-        Ok(Boxes {
-            out: LineWriter::new(out),
-            file: path.map(|path| path.display().to_string()),
-            json,
-        })
+        let file = NewFile::create(path).map_err(|error| Failure::output(path, error))?;
+        let name = path.display().to_string();
+        Ok(Boxes::File(LineWriter::new(file), format, name))
     }
 
+    /// Writes a line. A file takes its place with the first one, so that a refused run leaves the
+    /// file of the run before, and a running one can be watched.
     fn write(&mut self, frame: usize, found: &Found, took: Duration) -> Result<(), Failure> {
-        let BBox { x, y, w, h } = found.bbox;
-        let line = if self.json {
-            let numbers = [x, y, w, h].map(|v| rounded(f64::from(v), 3));
-            let score = found.score.map(|score| rounded(f64::from(score), 6));
-            let milliseconds = rounded(took.as_secs_f64() * 1e3, 3);
-            let mut line = json!({ "frame": frame, "box": numbers, "score": score, "milliseconds": milliseconds });
-            if let Some((presence, state)) = found.sureness {
-                line["presence"] = rounded(f64::from(presence), 4);
-                line["state"] = state.name().into();
+        match self {
+            Boxes::Stdout(format) => {
+                let line = format.line(frame, found, took);
+                writeln!(std::io::stdout(), "{line}").map_err(|error| Failure::stdout(&error))
             }
-            line.to_string()
-        } else {
-            format!("{x:.3},{y:.3},{w:.3},{h:.3}")
-        };
-        writeln!(self.out, "{line}").map_err(|error| match &self.file {
-            Some(file) => Failure::Output {
-                output: file.clone(),
-                reason: error.to_string(),
-            },
-            None => Failure::stdout(&error),
-        })
+            Boxes::File(file, format, name) => {
+                let line = format.line(frame, found, took);
+                let written = writeln!(file, "{line}").and_then(|()| file.get_mut().keep());
+                written.map_err(|error| Failure::Output {
+                    output: name.clone(),
+                    reason: error.to_string(),
+                })
+            }
+        }
+    }
+}
+
+impl Format {
+    fn line(self, frame: usize, found: &Found, took: Duration) -> String {
+        let BBox { x, y, w, h } = found.bbox;
+        match self {
+            Format::Numbers => format!("{x:.3},{y:.3},{w:.3},{h:.3}"),
+            Format::Json => {
+                let numbers = [x, y, w, h].map(|v| rounded(f64::from(v), 3));
+                let mut line = json!({
+                    "frame": frame,
+                    "box": numbers,
+                    "score": found.score.map(|score| rounded(f64::from(score), 6)),
+                    "milliseconds": rounded(took.as_secs_f64() * 1e3, 3),
+                });
+                if let Some((presence, state)) = found.sureness {
+                    line["presence"] = rounded(f64::from(presence), 4);
+                    line["state"] = state.name().into();
+                }
+                if found.is_held {
+                    line["held"] = true.into();
+                    line["milliseconds"] = Value::Null;
+                    if found.sureness.is_some() {
+                        line["presence"] = Value::Null; // nothing was seen
+                    }
+                }
+                line.to_string()
+            }
+        }
     }
 }

@@ -1,8 +1,8 @@
-//! TraX, the protocol between evaluation toolkits (clients) and trackers (servers): messages, regions and pictures as
-//! text. Both ends are built on this crate; it knows nothing of trackers.
+//! TraX, the protocol between evaluation toolkits (clients) and trackers (servers): messages,
+//! regions and pictures as text. Both ends are built on this crate; it knows nothing of trackers.
 //!
-//! A message is a line: `@@TRAX:` and a name, then arguments in quotes and properties `key=value`. Lines without the
-//! prefix are the program's own talk and passed over.
+//! A message is a line: `@@TRAX:` and a name, then arguments in quotes and properties `key=value`.
+//! Lines without the prefix are the program's own talk and passed over.
 //!
 //! | | up to version 3 | version 4 |
 //! |---|---|---|
@@ -13,8 +13,8 @@
 //! | client | `initialize` once more: another object | `initialize` alone: forget all objects |
 //! | either | `quit`, perhaps with `trax.reason` | the same |
 //!
-//! Nothing a stranger writes makes this crate panic or hold more than [`MAX_LINE`] bytes a few times over. Source: the
-//! protocol's reference, and what its client library 4.0.2 sends.
+//! Nothing a stranger writes makes this crate panic or hold more than [`MAX_LINE`] bytes a few
+//! times over. Source: the protocol's reference, and what its client library 4.0.2 sends.
 
 #![forbid(unsafe_code)]
 

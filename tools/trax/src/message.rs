@@ -127,16 +127,18 @@ impl fmt::Display for Message {
         for (key, value) in &self.properties {
             let plain = !value.is_empty()
                 && !value.contains(|c: char| c.is_whitespace() || c == '"' || c == '\\');
-            match plain {
-                true => write!(f, " {key}={value}")?,
-                false => write!(f, " \"{key}={}\"", escaped(value))?,
+            if plain {
+                write!(f, " {key}={value}")?;
+            } else {
+                write!(f, " \"{key}={}\"", escaped(value))?;
             }
         }
         Ok(())
     }
 }
 
-/// The next message of a stream, other lines being passed over; `None` at its end. `line` is room to work in.
+/// The next message of a stream, other lines being passed over; `None` at its end. `line` is room
+/// to work in.
 ///
 /// # Errors
 /// If the stream breaks, a line is longer than [`MAX_LINE`], or a message is not well formed.
@@ -172,7 +174,8 @@ fn read_within(
     }
 }
 
-/// Splits at white space outside of quotes; a backslash takes the next character as it is, `\n` being a new line.
+/// Splits at white space outside of quotes; a backslash takes the next character as it is, `\n`
+/// being a new line.
 fn words(text: &str) -> Result<Vec<String>, Error> {
     let (mut words, mut word, mut quoted) = (Vec::new(), None::<String>, false);
     let mut characters = text.chars();

@@ -62,7 +62,8 @@ impl Picture {
     /// The picture that a text describes.
     ///
     /// # Errors
-    /// If it is neither a file, pixels in memory nor an encoded picture, or its bytes are not as many as its size says.
+    /// If it is neither a file, pixels in memory nor an encoded picture, or its bytes are not as
+    /// many as its size says.
     pub fn parse(text: &str) -> Result<Picture, Error> {
         let failure = |expected| Error::part("image", expected, text);
         if let Some(path) = text.strip_prefix("file://") {

@@ -41,10 +41,12 @@ pub enum Region {
     Rectangle(Rectangle),
     /// `x,y,x,y,...` of three points or more.
     ///
-    /// Four points become the box of the same center that has the proportions of the box around them and an area between
-    /// that one's and theirs, as trackers of the VOT challenges take it (spec section 4.5); others the box around them.
+    /// Four points become the box of the same center that has the proportions of the box around
+    /// them and an area between that one's and theirs, as trackers of the VOT challenges take it
+    /// (docs/method.md, section 4.5); others the box around them.
     Polygon(Rectangle),
-    /// `mask:x,y,w,h,runs...`: an offset, a size and run lengths row by row, outside and inside in turn, outside first.
+    /// `mask:x,y,w,h,runs...`: an offset, a size and run lengths row by row, outside and inside in
+    /// turn, outside first.
     ///
     /// The box around the pixels inside stands for it.
     Mask(Rectangle),

@@ -47,14 +47,19 @@ fn nearly() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 2000,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn text(text in nearly()) {
         for line in [text.clone(), format!("@@TRAX:frame {text}")] {
             if let Some(Ok(message)) = Message::parse(&line) {
                 // Line ends within a message are escaped; it is what it was.
-                let again = Message::parse(&message.to_string()).expect("a prefix").expect("a message");
+                let text = message.to_string();
+                let again = Message::parse(&text).expect("a prefix").expect("a message");
                 prop_assert_eq!(again, message);
             }
         }

@@ -60,7 +60,8 @@ impl Clip {
         (PREPARED * WIDTH * HEIGHT * 3) as f64 / f64::from(1 << 20)
     }
 
-    /// Writes the frames as JPEGs into a folder of their own, which goes away with what is returned.
+    /// Writes the frames as JPEGs into a folder of their own, which goes away with what is
+    /// returned.
     pub fn write(&self) -> Result<Pictures, Failure> {
         let folder = std::env::temp_dir().join(format!("track-cpu-bench-{}", std::process::id()));
         std::fs::create_dir_all(&folder).map_err(|error| Failure::output(&folder, error))?;

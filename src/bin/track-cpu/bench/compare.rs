@@ -21,7 +21,8 @@ const CONDITIONS: [&str; 8] = [
     "width",
     "height",
 ];
-/// Differences below this share are never called one: clocks and caches differ by as much from run to run.
+/// Differences below this share are never called one: clocks and caches differ by as much from run
+/// to run.
 const LEAST: f64 = 0.01;
 
 /// Reads two files that `bench --json` wrote and prints the verdict.
@@ -31,10 +32,11 @@ pub fn run(before: &Path, after: &Path, as_json: bool) -> Result<(), Failure> {
         after: read(after)?,
     };
     let verdict = comparison.verdict();
-    match as_json {
-        true => print(&comparison.json(&verdict).to_string()),
-        false => print(&comparison.text(&verdict)),
-    }
+    print(&if as_json {
+        comparison.json(&verdict).to_string()
+    } else {
+        comparison.text(&verdict)
+    })
 }
 
 /// A file that was measured.
@@ -65,10 +67,11 @@ impl Verdict {
 }
 
 impl Comparison {
-    /// The change of the median of block medians against how much the blocks of each run differ among themselves.
+    /// The change of the median of block medians against how much the blocks of each run differ
+    /// among themselves.
     ///
-    /// Blocks of one run follow each other and share what the machine did meanwhile; their spread is therefore taken as
-    /// it is, and not divided by the root of their number.
+    /// Blocks of one run follow each other and share what the machine did meanwhile; their spread
+    /// is therefore taken as it is, and not divided by the root of their number.
     fn verdict(&self) -> Verdict {
         let (a, b) = (median(&self.before.blocks), median(&self.after.blocks));
         let noise = 2.0 * (spread(&self.before.blocks) / a).hypot(spread(&self.after.blocks) / b);

@@ -6,7 +6,7 @@ use track_cpu::source::{Input, Source};
 use track_cpu::{Frame, Model, Tracker, TrackerOptions};
 
 use super::clip::{Clip, there_and_back};
-use crate::args::BenchArgs;
+use crate::args::bench::MeasureArgs;
 use crate::exit::Failure;
 use crate::statistics::Times;
 
@@ -46,18 +46,18 @@ pub struct Window {
 }
 
 /// Updates that will be done, as far as their number is known.
-pub fn steps(args: &BenchArgs, threads: &[usize]) -> usize {
+pub fn steps(args: &MeasureArgs, threads: &[usize]) -> usize {
     let decoding = if args.decode { args.frames } else { 0 };
     args.frames + args.frames / 10 + decoding + threads.len() * sweep_frames(args)
 }
 
-fn sweep_frames(args: &BenchArgs) -> usize {
+fn sweep_frames(args: &MeasureArgs) -> usize {
     (args.frames / 4).max(2)
 }
 
 /// Measures everything that the arguments ask for; `tick` is told of each frame.
 pub fn measure(
-    args: &BenchArgs,
+    args: &MeasureArgs,
     model: &Model,
     clip: &Clip,
     threads: &[usize],
@@ -69,11 +69,11 @@ pub fn measure(
             model.clone(),
             TrackerOptions {
                 threads,
-                ..args.engine.options(model)
+                ..args.network.engine.options(model)
             },
         )
     };
-    let mut tracker = make(args.engine.threads);
+    let mut tracker = make(args.network.engine.threads);
     tracker.init(&frames[0], clip.target)?; // the first call also touches every buffer
     let started = Instant::now();
     tracker.init(&frames[0], clip.target)?;

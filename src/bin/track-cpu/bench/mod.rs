@@ -1,14 +1,17 @@
-//! `bench`: speed of the whole tracker on frames that lie ready, and the comparison of two such measurements.
+//! `bench`: speed of the whole tracker on prepared frames, of each algorithm, and comparisons of
+//! these.
 
 mod clip;
 mod compare;
 mod measure;
 mod plan;
 mod report;
+mod worker;
 
+use kernels::par::Threads;
 use track_cpu::Model;
 
-use crate::args::BenchArgs;
+use crate::args::bench::{BenchArgs, BenchCommand, MeasureArgs, NetworkArgs, PlanArgs};
 use crate::exit::Failure;
 use crate::report::{print, progress};
 use clip::Clip;
@@ -16,13 +19,26 @@ use report::Report;
 
 /// Runs the sub-command.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
-    if let [before, after] = &args.compare[..] {
-        return compare::run(before, after, args.json);
+    match &args.command {
+        None => measure(&args.measure),
+        Some(BenchCommand::Plan(args)) => plan(args),
+        Some(BenchCommand::Compare(args)) => compare::run(&args.before, &args.after, args.json),
+        Some(BenchCommand::Worker(args)) => worker::run(args),
     }
-    let model = model(args)?;
-    if args.plan {
-        return plan(args, &model);
-    }
+}
+
+/// Measures the tracker.
+fn measure(args: &MeasureArgs) -> Result<(), Failure> {
+    let model = match args.algorithm {
+        Some(algorithm) => {
+            let weights = match args.network.random.weights()? {
+                Some(weights) => weights,
+                None => Model::find(args.network.model.name())?,
+            };
+            Model::with_algorithm(&weights, args.network.engine.isa(), algorithm)?
+        }
+        None => model(&args.network)?,
+    };
     let clip = Clip::render();
     let threads = if args.sweep { sweep() } else { Vec::new() };
     let bar = progress(Some(measure::steps(args, &threads)));
@@ -33,44 +49,40 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         model: &model,
         measured,
     };
-    match (args.json, args.markdown) {
-        (true, _) => print(&report.json().to_string()),
-        (_, true) => print(&report.markdown()),
-        _ => print(&report.text()),
-    }
+    print(&if args.json {
+        report.json().to_string()
+    } else if args.markdown {
+        report.markdown()
+    } else {
+        report.text()
+    })
 }
 
 /// Measures algorithms in place of the tracker.
-fn plan(args: &BenchArgs, model: &Model) -> Result<(), Failure> {
-    let bar = progress(Some(plan::steps(model)));
-    let rows = plan::measure(model, || bar.inc(1));
+fn plan(args: &PlanArgs) -> Result<(), Failure> {
+    let model = model(&args.network)?;
+    let bar = progress(Some(plan::steps(&model)));
+    let rows = plan::measure(&model, || bar.inc(1));
     bar.finish_and_clear();
-    match args.json {
-        true => print(&plan::json(model, &rows).to_string()),
-        false => print(&plan::text(model, &rows)),
-    }
+    print(&if args.json {
+        plan::json(&model, &rows).to_string()
+    } else {
+        plan::text(&model, &rows)
+    })
 }
 
 /// The model that the arguments ask for.
-pub fn model(args: &BenchArgs) -> Result<Model, Failure> {
-    let random = args.random.weights()?;
-    let is_random = random.is_some();
-    let weights = match (random, &args.model) {
-        (Some(weights), _) => weights,
-        (None, name) => Model::find(name.as_deref())?,
-    };
-    Ok(match args.algorithm {
-        Some(algorithm) => Model::with_algorithm(&weights, args.engine.isa(), algorithm)?,
-        None if is_random => args.engine.random_model(weights)?,
-        None => args.engine.model_of(&weights)?,
+fn model(args: &NetworkArgs) -> Result<Model, Failure> {
+    Ok(match args.random.weights()? {
+        Some(weights) => args.engine.random_model(weights)?,
+        None => args.engine.model(args.model.name())?,
     })
 }
 
 /// 1, 2, 4 ... threads, and as many as there are cores.
 fn sweep() -> Vec<usize> {
-    let cores = std::thread::available_parallelism()
-        .map_or(1, |n| n.get())
-        .min(256);
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let cores = cores.min(Threads::MAX);
     let mut threads: Vec<usize> = std::iter::successors(Some(1), |n| Some(2 * n))
         .take_while(|n| *n < cores)
         .collect();

@@ -1,4 +1,5 @@
-//! `bench --plan`: what every algorithm takes for every convolution on this machine, beside what was planned.
+//! `bench plan`: what every algorithm takes for every convolution on this machine, beside what
+//! was planned.
 
 use kernels::conv::{Algorithm, Conv, ConvShape};
 use kernels::par::Threads;
@@ -130,9 +131,9 @@ pub fn text(model: &Model, rows: &[Row]) -> String {
         "layer",
         "MMAC"
     );
-    columns
-        .iter()
-        .for_each(|name| text += &format!(" {name:>15}"));
+    for name in columns {
+        text += &format!(" {name:>15}");
+    }
     text += &format!("  {:>15} {:>15}\n", "planned", "fastest");
     for row in rows {
         text += &format!("{:18} {:8.1}", row.layer, row.mmacs);

@@ -6,7 +6,7 @@ use track_cpu::model::LayerPlan;
 
 use super::clip::{Clip, HEIGHT, WIDTH};
 use super::measure::{Measured, Window};
-use crate::args::BenchArgs;
+use crate::args::bench::MeasureArgs;
 use crate::machine::{Machine, peak_memory};
 use crate::report::{rounded, table};
 use crate::statistics::Times;
@@ -17,7 +17,7 @@ const NETWORK: [&str; 5] = ["backbone", "dr", "neck", "xcorr", "head"];
 /// A measurement and what it was made with.
 pub struct Report<'a> {
     /// The options.
-    pub args: &'a BenchArgs,
+    pub args: &'a MeasureArgs,
     /// The model.
     pub model: &'a Model,
     /// The times.
@@ -25,7 +25,8 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Billions of floating-point operations per second within the network, two per multiply-accumulate.
+    /// Billions of floating-point operations per second within the network, two per
+    /// multiply-accumulate.
     fn gflops(&self) -> f64 {
         let network = self
             .measured
@@ -48,7 +49,7 @@ impl Report<'_> {
     }
 
     fn run(&self) -> String {
-        let (isa, threads) = (self.model.isa().name(), self.args.engine.threads);
+        let (isa, threads) = (self.model.isa().name(), self.args.network.engine.threads);
         let plural = if threads == 1 { "" } else { "s" };
         let (precision, frames) = (self.model.precision().name(), self.args.frames);
         format!("{isa}, {threads} thread{plural}, {precision}, {frames} frames of {WIDTH}x{HEIGHT}")
@@ -80,7 +81,8 @@ impl Report<'_> {
         let mut lines = Vec::new();
         if let Some(decoding) = &self.measured.decoding {
             let text = format!(
-                "{:.1} FPS with reading and decoding a JPEG first ({:.2} ms of it), on the same thread",
+                "{:.1} FPS with reading and decoding a JPEG first ({:.2} ms of it), on the same \
+                 thread",
                 decoding.all.fps(),
                 decoding.decode.mean()
             );
@@ -190,12 +192,13 @@ impl Report<'_> {
             .map(|row| format!("| {} |\n", row.join(" | ")))
             .collect();
         format!(
-            "| | |\n|---|---|\n{rows}\n| stage | mean ms | p50 ms | p95 ms | share |\n|---|---:|---:|---:|---:|\n{}",
+            "| | |\n|---|---|\n{rows}\n| stage | mean ms | p50 ms | p95 ms | share |\n\
+             |---|---:|---:|---:|---:|\n{}",
             stages.trim_end()
         )
     }
 
-    /// For programs, `bench --compare` among them.
+    /// For programs, `bench compare` among them.
     pub fn json(&self) -> Value {
         let Measured {
             init_ms,
@@ -216,8 +219,14 @@ impl Report<'_> {
                 [0.5, 0.95, 0.99, 1.0].map(|share| ms(times.percentile(share)));
             json!({ "mean": ms(times.mean()), "p50": p50, "p95": p95, "p99": p99, "max": max })
         };
-        let threads = |(threads, times): &(usize, Times)| json!({ "threads": threads, "fps": rounded(times.fps(), 2), "p50_ms": ms(times.percentile(0.5)) });
-        let window = |window: &Window| json!({ "until_s": rounded(window.until_s, 1), "median_ms": ms(window.median_ms) });
+        let threads = |(threads, times): &(usize, Times)| {
+            let median = ms(times.percentile(0.5));
+            json!({ "threads": threads, "fps": rounded(times.fps(), 2), "p50_ms": median })
+        };
+        let window = |window: &Window| {
+            let median = ms(window.median_ms);
+            json!({ "until_s": rounded(window.until_s, 1), "median_ms": median })
+        };
         json!({
             "fps": rounded(frames.fps(), 2),
             "fps_mean_of_rates": rounded(frames.mean_of_rates(), 2),
@@ -238,7 +247,7 @@ impl Report<'_> {
             "gflops": rounded(self.gflops(), 2),
             "macs": self.model.architecture().macs_search(),
             "isa": self.model.isa().name(),
-            "threads": self.args.engine.threads,
+            "threads": self.args.network.engine.threads,
             "precision": self.model.precision().name(),
             "model": self.model_name(),
             "layers": self.model.plan().iter().map(layer).collect::<Vec<_>>(),
@@ -257,7 +266,8 @@ fn drift(windows: &[Window]) -> Option<String> {
         .map(|window| window.median_ms)
         .fold(0.0, f64::max);
     Some(format!(
-        "median {:.2} ms at the start, {:.2} ms after {:.1} min ({:+.1} %), {slowest:.2} ms in the slowest of {} windows",
+        "median {:.2} ms at the start, {:.2} ms after {:.1} min ({:+.1} %), {slowest:.2} ms in the \
+         slowest of {} windows",
         first.median_ms,
         last.median_ms,
         last.until_s / 60.0,

@@ -6,6 +6,7 @@ use std::time::Duration;
 use track_cpu::BBox;
 use track_cpu::source::{PixelFormat, RawFormat};
 
+use crate::args::engine::model_help;
 use crate::args::{EngineArgs, Mode, bbox, pixel_format, size};
 
 const EXAMPLES: &str = "\
@@ -42,8 +43,8 @@ pub struct ServeArgs {
     /// Target in the first frame: left, top, width, height in pixels; without it a client starts.
     #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
     pub init: Option<BBox>,
-    /// Weights file, or a built-in model: drmim-p50 (the default) or drmim-p82, a sixth of its work
-    #[arg(short, long, value_name = "FILE")]
+    #[doc = "The model."]
+    #[arg(short, long, value_name = "FILE|NAME", help = model_help())]
     pub model: Option<PathBuf>,
     /// What follows the target.
     #[arg(long, value_enum, default_value_t = Mode::Flight)]

@@ -20,7 +20,7 @@ impl Engine {
         let (threads, cores) = (args.threads, args.cores());
         let conduct = match mode {
             Mode::Flight => Conduct::Recover,
-            Mode::Paper => Conduct::Tell,
+            Mode::Plain => Conduct::Tell,
         };
         let options = FlightOptions {
             threads,
@@ -59,7 +59,7 @@ impl Engine {
     /// Follows the target, if there is one.
     pub fn follow(&mut self, frame: &Frame<'_>, budget: Budget) -> Option<Tracked> {
         let track = self.tracker.update(frame, budget).ok()?;
-        let paper = self.mode == Mode::Paper;
+        let paper = self.mode == Mode::Plain;
         Some(Tracked {
             bbox: track.bbox,
             presence: (!paper).then_some(track.presence),

@@ -54,6 +54,7 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
         pin: None,
         isa: Some(isa),
         precision: Some(precision),
+        as_published: false,
         correction: head["correction"].as_f64(),
         template_update: head["template_update"].as_f64(),
         online_filter: Some(head["online_filter"].as_f64().unwrap_or(0.0)), // older logs had none

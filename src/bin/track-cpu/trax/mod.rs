@@ -8,13 +8,13 @@ use std::net::{Ipv4Addr, TcpStream};
 
 use track_cpu::source::SourceError;
 
-use crate::args::TraxArgs;
+use crate::args::trax::TraxArgs;
 use crate::exit::Failure;
 use session::Session;
 
 /// Serves one session.
 pub fn run(args: &TraxArgs) -> Result<(), Failure> {
-    let model = args.engine.model(args.model.as_deref())?;
+    let model = args.engine.model(args.model.name())?;
     let options = args.engine.options(&model);
     match std::env::var("TRAX_SOCKET") {
         Ok(port) => {

@@ -2,14 +2,14 @@
 
 use std::io::{BufRead, Write};
 
-use track_cpu::source::{Image, SourceError};
+use track_cpu::source::{Decoder, Image, SourceError};
 use track_cpu::{BBox, Frame, Model, Tracker, TrackerOptions};
 use trax::{Kind, Message, Rectangle, Region};
 
 use super::picture;
 use crate::exit::Failure;
 
-/// Most objects that are followed at a time; each takes some tens of megabytes.
+/// Most objects that are followed at a time: each takes some tens of megabytes.
 const MAX_OBJECTS: usize = 64;
 
 /// From `hello` to `quit`.
@@ -18,6 +18,7 @@ pub struct Session<W> {
     options: TrackerOptions,
     version: u32,
     out: W,
+    decoder: Decoder,
     objects: Vec<Object>,
     spare: Vec<Tracker>, // of objects that are no longer followed
 }
@@ -25,7 +26,7 @@ pub struct Session<W> {
 /// One object and its tracker.
 struct Object {
     tracker: Tracker,
-    given: Option<Rectangle>, // until the frame that it refers to has come
+    given: Option<Rectangle>, // until the frame that it refers to
 }
 
 /// What a message leads to.
@@ -42,6 +43,7 @@ impl<W: Write> Session<W> {
             options,
             version,
             out,
+            decoder: Decoder::default(),
             objects: Vec::new(),
             spare: Vec::new(),
         }
@@ -136,6 +138,7 @@ impl<W: Write> Session<W> {
     }
 
     fn forget(&mut self) {
+        self.decoder = Decoder::default(); // another video may follow
         self.spare
             .extend(self.objects.drain(..).map(|object| object.tracker));
     }
@@ -160,7 +163,7 @@ impl<W: Write> Session<W> {
 
     /// Where each object is in the next picture.
     fn follow(&mut self, image: &str) -> Result<Vec<Message>, String> {
-        let image: Image = picture::decode(image)?;
+        let image: Image = picture::decode(&mut self.decoder, image)?;
         let frame = Frame::new(&image.data, image.width, image.height, image.order)
             .map_err(|error| format!("image: {error}"))?;
         self.objects

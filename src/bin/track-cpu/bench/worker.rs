@@ -1,7 +1,7 @@
-//! `bench --worker`: the network pass alone, driven from outside.
+//! `bench worker`: the network pass alone, driven from outside.
 //!
-//! Protocol: `READY` on a line; then for each line `N` on standard input N passes and N times in milliseconds on one
-//! line, flushed.
+//! Protocol: `READY` on a line. Then, for each line `N` on standard input, N passes, and on one
+//! line N times in milliseconds, flushed.
 
 use std::io::{BufRead, Write};
 use std::time::Instant;
@@ -10,20 +10,17 @@ use kernels::par::Threads;
 use track_cpu::net::Network;
 use track_cpu::source::SourceError;
 
-use crate::args::BenchArgs;
-use crate::bench;
+use crate::args::bench::NetworkArgs;
 use crate::exit::Failure;
 
 /// Most passes that one line may ask for.
 const MAX_PASSES: usize = 1_000_000;
 
 /// Serves until standard input ends.
-pub fn run(args: &BenchArgs) -> Result<(), Failure> {
-    let model = bench::model(args)?;
-    let (template_side, search_side) = (
-        model.architecture().template_size,
-        model.architecture().search_size,
-    );
+pub fn run(args: &NetworkArgs) -> Result<(), Failure> {
+    let model = super::model(args)?;
+    let template_side = model.architecture().template_size;
+    let search_side = model.architecture().search_size;
     let mut network = Network::with_threads(
         model,
         Threads::pinned(args.engine.threads, args.engine.cores()),
