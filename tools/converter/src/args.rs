@@ -12,10 +12,8 @@ use weights_format::Storage;
 ///
 /// `--to trainer` keeps them apart: what it writes, `train fit --init` and `train prune` take. `--to pytorch` goes the
 /// other way, from one of our files to a state dict under video_analyst's names, in a .pth or .safetensors file.
-///
-/// Exit codes: 2 usage, 3 file cannot be read, 4 file refused, 5 output cannot be written.
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(version, after_help = program::exit_help())]
 pub struct Args {
     /// The checkpoint (.pth, .pt, .pkl); for `--to pytorch` a weights file, a checkpoint of the trainer, or what `--to trainer`
     /// wrote

@@ -1,6 +1,7 @@
 //! What can go wrong, grouped by who is at fault.
 
 use std::{io, path::PathBuf};
+pub(crate) use weights_format::brief;
 use weights_format::{ReadError, WriteError};
 
 /// Why a checkpoint was not converted.
@@ -57,19 +58,4 @@ impl Refusal {
             found: brief(found),
         }
     }
-}
-
-/// A stranger's text, cut to a length and stripped of control characters, fit for a terminal.
-pub(crate) fn brief(text: impl ToString) -> String {
-    const LONGEST: usize = 300;
-    let text = text.to_string();
-    let mut short: String = text
-        .chars()
-        .take(LONGEST)
-        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
-        .collect();
-    if text.chars().nth(LONGEST).is_some() {
-        short.push_str("...");
-    }
-    short
 }

@@ -11,6 +11,7 @@ use converter::{
     report::{Table, f16_rounding, thousands},
     unfold,
 };
+use program::{Exit, check_outputs, printable};
 use std::{
     io::{self, Write},
     path::Path,
@@ -22,32 +23,35 @@ fn main() -> ExitCode {
     match run(&Args::parse()) {
         Ok(text) => match io::stdout().write_all(text.as_bytes()) {
             Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-                eprintln!("error: standard output: {error}");
-                ExitCode::from(5)
+                Exit::Output.fail(format!("standard output: {error}"))
             }
             _ => ExitCode::SUCCESS,
         },
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(match error {
-                Error::Usage(_) => 2,
-                Error::Unreadable { .. } => 3,
-                Error::Ours(ReadError::File { error, .. })
-                    if matches!(*error, ReadError::Io(_)) =>
-                {
-                    3
-                }
-                Error::Refused { .. }
-                | Error::Ours(_)
-                | Error::Unwritable(WriteError::Invalid(_) | WriteError::Overflow { .. }) => 4,
-                Error::Unwritable(WriteError::Io { .. }) => 5,
-            })
+        Err(error) => exit(&error).fail(error),
+    }
+}
+
+/// The exit code of an error.
+fn exit(error: &Error) -> Exit {
+    match error {
+        Error::Usage(_) => Exit::Usage,
+        Error::Unreadable { .. } => Exit::Input,
+        Error::Ours(ReadError::File { error, .. }) if matches!(**error, ReadError::Io(_)) => {
+            Exit::Input
         }
+        Error::Refused { .. }
+        | Error::Ours(_)
+        | Error::Unwritable(WriteError::Invalid(_) | WriteError::Overflow { .. }) => Exit::Model,
+        Error::Unwritable(WriteError::Io { .. }) => Exit::Output,
     }
 }
 
 /// What there is to say on standard output.
 fn run(args: &Args) -> Result<String, Error> {
+    if let Some(out) = &args.out {
+        check_outputs(&[("--out", out)], &[&args.checkpoint])
+            .map_err(|clash| Error::Usage(clash.to_string()))?;
+    }
     match args.to {
         To::Weights => to_weights(args),
         To::Trainer => to_trainer(args),
@@ -153,11 +157,4 @@ fn to_weights(args: &Args) -> Result<String, Error> {
         text += &format!("rounding to f16 changes {name} most, by {error:.1e}\n");
     }
     Ok(text)
-}
-
-/// A stranger's names, fit for a terminal.
-fn printable(text: &str) -> String {
-    text.chars()
-        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
-        .collect()
 }

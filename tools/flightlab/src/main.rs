@@ -25,6 +25,7 @@ mod panning;
 mod plots;
 
 use clap::{Args, Parser, Subcommand};
+use program::Exit;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use track_cpu::flight::Presence;
@@ -32,7 +33,7 @@ use track_cpu::{Isa, Model, ModelError};
 
 /// Fits and measures track-cpu's flight mode.
 #[derive(Debug, Parser)]
-#[command(version, about)]
+#[command(version, about, after_help = program::exit_help())]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -216,6 +217,18 @@ pub enum Failure {
     Track(#[from] track_cpu::TrackError),
 }
 
+impl Failure {
+    /// The exit code of the failure.
+    fn exit(&self) -> Exit {
+        match self {
+            Failure::Model(_) | Failure::Presence(_) | Failure::Read(_) => Exit::Model,
+            Failure::Write(_) => Exit::Output,
+            Failure::Sequences(_) | Failure::File(..) | Failure::Nothing(_) => Exit::Input,
+            Failure::Track(_) => Exit::Target,
+        }
+    }
+}
+
 /// The model of a file, or the built-in one.
 fn load(path: Option<&PathBuf>) -> Result<Model, ModelError> {
     Model::from_weights(&Model::find(path.map(PathBuf::as_path))?, Isa::detect())
@@ -239,9 +252,6 @@ fn main() -> ExitCode {
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("error: {failure}");
-            ExitCode::FAILURE
-        }
+        Err(failure) => failure.exit().fail(failure),
     }
 }

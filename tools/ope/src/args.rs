@@ -7,10 +7,11 @@ use sequences::Dataset;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
+use track_cpu::source::OnBadFrame;
 
 /// One-pass evaluation of trackers: run, score, compare.
 #[derive(Debug, Parser)]
-#[command(version, about, after_help = EXAMPLES)]
+#[command(version, about, after_help = format!("{EXAMPLES}\n\n{}", program::exit_help()))]
 pub struct Args {
     /// What to do.
     #[command(subcommand)]
@@ -37,13 +38,7 @@ Examples:
   ope diagnose --dataset dtb70 --root DTB70 --out sheets results/DTB70/track-cpu results/DTB70/kcf
   ope report --dataset dtb70 --root DTB70 --out page.html results/DTB70/track-cpu results/DTB70/kcf
   ope render --out flights --count 3 && ope run --dataset folder --root flights --out results
-  ope export --to pysot --dataset dtb70 --results results/DTB70/track-cpu --out exported
-
-Exit codes:
-  0  done
-  2  a command-line argument is wrong
-  3  an input cannot be used
-  5  an output cannot be written";
+  ope export --to pysot --dataset dtb70 --results results/DTB70/track-cpu --out exported";
 
 /// The sub-commands.
 #[derive(Debug, Subcommand)]
@@ -112,6 +107,17 @@ pub struct RunArgs {
     /// Run the i-th of n equal parts, for a job array; `ope merge` makes one of separate folders.
     #[arg(long, value_name = "i/n", default_value = "1/1")]
     pub shard: ope::run::Shard,
+    /// At a picture that this tracker cannot read: hold the last box, or stop and leave the sequence
+    /// out. Held frames are named and counted, and the exit code is 8.
+    #[arg(long, value_name = "HOW", default_value = "hold", value_parser = on_bad_frame)]
+    pub on_bad_frame: OnBadFrame,
+}
+
+/// The policies that keep a box per frame.
+fn on_bad_frame(text: &str) -> Result<OnBadFrame, String> {
+    OnBadFrame::from_name(text)
+        .filter(|policy| *policy != OnBadFrame::Skip)
+        .ok_or_else(|| "expected hold or stop".into())
 }
 
 const RUN_HELP: &str = "\

@@ -43,6 +43,12 @@ pub enum Error {
         /// What was given.
         found: String,
     },
+    /// Frames could not be read; every sequence is complete all the same.
+    #[error("{held} frames could not be read; their boxes are those of the frames before")]
+    BadFrames {
+        /// How many.
+        held: usize,
+    },
     /// A model cannot be used.
     #[error(transparent)]
     Model(#[from] track_cpu::ModelError),

@@ -224,12 +224,12 @@ fn bad_options_and_inputs_are_refused_with_a_message() {
         ),
         (
             &["--name", "../x"],
-            3,
+            2,
             "--name: expected a name for a folder",
         ),
         (
             &["--model", "data/a/groundtruth_rect.txt"],
-            3,
+            4,
             "groundtruth_rect.txt",
         ),
         (&["--tracker", "false"], 3, "3 of 3 sequences failed"),

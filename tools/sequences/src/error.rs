@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+pub use program::brief;
+
 /// Why sequences or annotations cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -65,19 +67,4 @@ impl Error {
             found: brief(found),
         }
     }
-}
-
-/// A stranger's text, cut to 300 characters and stripped of control characters, for a terminal.
-pub fn brief(text: impl ToString) -> String {
-    const LONGEST: usize = 300;
-    let text = text.to_string();
-    let mut short = String::new();
-    for (i, c) in text.chars().enumerate() {
-        if i == LONGEST {
-            short.push_str("...");
-            break;
-        }
-        short.push(if c.is_control() { '\u{fffd}' } else { c });
-    }
-    short
 }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+pub(crate) use weights_format::brief;
+
 /// Why the trainer gave up.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -98,19 +100,4 @@ impl Error {
             found: brief(found),
         }
     }
-}
-
-/// A stranger's text, cut to a length and stripped of control characters, fit for a terminal.
-pub(crate) fn brief(text: impl ToString) -> String {
-    const LONGEST: usize = 200;
-    let text = text.to_string();
-    let mut short: String = text
-        .chars()
-        .take(LONGEST)
-        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
-        .collect();
-    if text.chars().nth(LONGEST).is_some() {
-        short.push_str("...");
-    }
-    short
 }

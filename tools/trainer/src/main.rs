@@ -7,21 +7,24 @@ mod commands;
 
 use args::{Args, Command};
 use clap::Parser;
+use program::Exit;
 use std::process::ExitCode;
 use trainer::Error;
 
 fn main() -> ExitCode {
     match run(Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(match error {
-                Error::Option { .. } => 2,
-                Error::Io { .. } | Error::Sequences(_) | Error::ReadWeights(_) => 3,
-                Error::WriteWeights(_) => 5,
-                _ => 4,
-            })
-        }
+        Err(error) => exit(&error).fail(error),
+    }
+}
+
+/// The exit code of an error.
+fn exit(error: &Error) -> Exit {
+    match error {
+        Error::Option { .. } => Exit::Usage,
+        Error::Io { .. } | Error::Sequences(_) | Error::ReadWeights(_) => Exit::Input,
+        Error::WriteWeights(_) => Exit::Output,
+        _ => Exit::Model,
     }
 }
 

@@ -10,6 +10,7 @@ pub mod step;
 
 use crate::args::TruthArgs;
 use ope::{Error, starts};
+use program::Exit;
 use sequences::{Annotation, Notes, Sequence, annotation};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -17,16 +18,17 @@ use std::process::ExitCode;
 
 /// Says on standard error what happened and picks the exit code.
 pub fn exit(error: &Error) -> ExitCode {
-    match error {
+    let exit = match error {
         Error::Unwritable { error, .. } if error.kind() == ErrorKind::BrokenPipe => {
             return ExitCode::SUCCESS;
         }
-        _ => eprintln!("error: {error}"),
-    }
-    match error {
-        Error::Unwritable { .. } => ExitCode::from(5),
-        _ => ExitCode::from(3),
-    }
+        Error::Unwritable { .. } => Exit::Output,
+        Error::Option { .. } => Exit::Usage,
+        Error::Model(_) => Exit::Model,
+        Error::BadFrames { .. } => Exit::Frames,
+        _ => Exit::Input,
+    };
+    exit.fail(error)
 }
 
 /// Writes to standard output.

@@ -30,7 +30,10 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
         }
         (None, name) => {
             let model = Model::from_weights(&Model::find(name.as_deref())?, Isa::detect())?;
-            (Runner::Builtin(model), "track-cpu".to_owned())
+            (
+                Runner::Builtin(model, args.on_bad_frame),
+                "track-cpu".to_owned(),
+            )
         }
     };
     let name = super::folder_name(args.name.as_ref().unwrap_or(&name))?;

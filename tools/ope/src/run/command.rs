@@ -135,6 +135,7 @@ impl CommandLine {
         Ok(Outcome {
             boxes: text::read_boxes(&out)?,
             seconds,
+            held: 0,
         })
     }
 }

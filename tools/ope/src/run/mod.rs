@@ -24,12 +24,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 use track_cpu::Model;
+use track_cpu::source::OnBadFrame;
 
 /// What is run.
 #[derive(Clone, Debug)]
 pub enum Runner {
-    /// This repository's tracker, one thread per sequence.
-    Builtin(Model),
+    /// This repository's tracker, one thread per sequence, and what it does about frames that
+    /// cannot be read.
+    Builtin(Model, OnBadFrame),
     /// Another program.
     Program(Program),
 }
@@ -89,6 +91,8 @@ pub struct Outcome {
     pub boxes: Vec<Rect>,
     /// Seconds per frame, reading pictures excluded; empty if not known.
     pub seconds: Vec<f64>,
+    /// Frames that could not be read: the box of the frame before stands for each.
+    pub held: usize,
 }
 
 /// One of several equal parts of a benchmark, counted from 1: `2/4`.
@@ -133,7 +137,7 @@ impl FromStr for Shard {
 ///
 /// # Errors
 /// If the folder cannot be written, or sequences fail: the others are still run, and each failure
-/// is told.
+/// is told. If frames could not be read and their boxes were held, after all sequences.
 pub fn run(
     sequences: &[Sequence],
     shard: Shard,
@@ -153,6 +157,7 @@ pub fn run(
         .collect();
     let next = AtomicUsize::new(0);
     let failed = AtomicUsize::new(0);
+    let held = AtomicUsize::new(0);
     let work = || {
         while let Some(sequence) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
             let name = &sequence.annotation.name;
@@ -161,7 +166,10 @@ pub fn run(
                 Ok(outcome)
             });
             match done {
-                Ok(outcome) => progress(&describe(name, &outcome)),
+                Ok(outcome) => {
+                    held.fetch_add(outcome.held, Ordering::Relaxed);
+                    progress(&describe(name, &outcome));
+                }
                 Err(error) => {
                     failed.fetch_add(1, Ordering::Relaxed);
                     progress(&format!("{name}: failed: {error}"));
@@ -174,9 +182,10 @@ pub fn run(
             scope.spawn(work);
         }
     });
-    match failed.into_inner() {
-        0 => Ok(todo.len()),
-        failed => Err(Error::Failed {
+    match (failed.into_inner(), held.into_inner()) {
+        (0, 0) => Ok(todo.len()),
+        (0, held) => Err(Error::BadFrames { held }),
+        (failed, _) => Err(Error::Failed {
             failed,
             of: todo.len(),
         }),
@@ -186,12 +195,14 @@ pub fn run(
 fn describe(name: &str, outcome: &Outcome) -> String {
     let seconds: f64 = outcome.seconds.iter().sum();
     let frames = outcome.boxes.len();
+    let mut text = format!("{name}: {frames} frames");
     if seconds > 0.0 {
-        let fps = frames as f64 / seconds;
-        format!("{name}: {frames} frames, {fps:.1} FPS")
-    } else {
-        format!("{name}: {frames} frames")
+        text += &format!(", {:.1} FPS", frames as f64 / seconds);
     }
+    if outcome.held > 0 {
+        text += &format!(", {} of them could not be read and were held", outcome.held);
+    }
+    text
 }
 
 impl Runner {
@@ -207,7 +218,7 @@ impl Runner {
             return Err(failure(name, "its first annotated box has no area"));
         };
         let outcome = match self {
-            Runner::Builtin(model) => builtin::track(model, sequence, *first)?,
+            Runner::Builtin(model, policy) => builtin::track(model, *policy, sequence, *first)?,
             Runner::Program(program) => program.track(sequence, *first, folder)?,
         };
         let frames = sequence.frames.len();

@@ -38,6 +38,7 @@ pub fn track(
     let mut outcome = Outcome {
         boxes: Vec::new(),
         seconds: Vec::new(),
+        held: 0,
     };
     for (i, path) in sequence.frames.iter().enumerate() {
         let image = url(path)?;

@@ -146,19 +146,19 @@ fn built_in_tracker_runs_on_files() {
     let boxes = vec![Rect::new(24.0, 24.0, 16.0, 16.0); 4];
     let annotation = Annotation::new("s", boxes);
     let mut sequence = Sequence { annotation, frames };
-    let runner = Runner::Builtin(Model::builtin(track_cpu::Isa::detect()));
+    let runner = Runner::Builtin(Model::builtin(track_cpu::Isa::detect()), OnBadFrame::Hold);
     let outcome = runner.track(&sequence, folder.path()).unwrap();
     assert_eq!((outcome.boxes.len(), outcome.seconds.len()), (4, 4));
     assert!(outcome.boxes.iter().all(Rect::is_usable) && outcome.seconds.iter().all(|s| *s > 0.0));
     assert!(outcome.boxes[3].x > 26.0, "{:?}", outcome.boxes);
+
     sequence.frames.push(folder.write("s/9.ppm", "P6"));
-    assert!(
-        runner
-            .track(&sequence, folder.path())
-            .unwrap_err()
-            .to_string()
-            .contains("9.ppm")
-    );
+    let held = runner.track(&sequence, folder.path()).unwrap();
+    assert_eq!((held.held, held.boxes.len()), (1, 5));
+    assert_eq!(held.boxes[4], outcome.boxes[3]);
+    let stopping = Runner::Builtin(Model::builtin(track_cpu::Isa::detect()), OnBadFrame::Stop);
+    let stopped = stopping.track(&sequence, folder.path()).unwrap_err();
+    assert!(stopped.to_string().contains("9.ppm"), "{stopped}");
 }
 
 /// A TraX server in a line of shell: answers each frame with the box moved by 1, and `MORE` at its

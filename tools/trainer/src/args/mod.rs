@@ -16,7 +16,7 @@ use trainer::Error;
 
 /// Train, prune and export the DR-MIM tracker
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(version, after_help = program::exit_help())]
 pub struct Args {
     #[command(subcommand)]
     pub command: Command,

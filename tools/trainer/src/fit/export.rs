@@ -4,6 +4,7 @@ use super::{Fit, Position};
 use crate::data::spec::DataSpec;
 use crate::error::{Error, brief};
 use crate::validate::Report;
+use program::printable;
 use weights_format::{Provenance, Storage, Weights};
 
 impl Fit {
@@ -60,13 +61,6 @@ impl Fit {
         weights.check()?;
         Ok(weights)
     }
-}
-
-/// Text without control characters.
-fn printable(text: &str) -> String {
-    text.chars()
-        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
-        .collect()
 }
 
 /// The source's commit, where it lies in a repository.
