@@ -6,7 +6,7 @@
     ok, (x, y, w, h) = tracker.update(frame)           # not rounded
     score = tracker.getTrackingScore()
 
-Instead of an array, a frame may be (bytes, width, height) of BGR pixels. The library is looked for where the variable
+Instead of an array, a frame may be a PIL image or (bytes, width, height) of BGR pixels. The library is looked for where the variable
 TRACK_CPU_LIBRARY says, beside this file, and in target/release; `cargo build --release -p capi` makes it.
 
 Run as a program it follows an object through headerless RGB frames:
@@ -81,7 +81,9 @@ def _check(code):
 
 
 def _image(frame, format):
-    """The picture as the library takes it, and what has to be kept for as long as it is used."""
+    """The picture as the library takes it, and the object to keep alive while it is used."""
+    if frame is None:
+        raise ValueError("frame is None, expected a picture: cv2 gives None at the end of a video and for a missing file")
     if isinstance(frame, tuple):
         data, width, height = frame
         pixel = _CHANNELS[format]
@@ -89,8 +91,12 @@ def _image(frame, format):
             raise ValueError(f"{len(data)} bytes, expected {width * height * pixel}: {width} x {height} x {pixel}")
         kept = ctypes.c_char_p(bytes(data))
         return _Image(ctypes.cast(kept, ctypes.c_void_p), width, height, 0, format), kept
-    array = frame.__array_interface__
-    shape, strides = array["shape"], array["strides"]
+    array = getattr(frame, "__array_interface__", None)
+    if array is None:
+        kind = type(frame).__name__
+        raise ValueError(f"frame is a {kind}, expected an H x W x C array of uint8 or (bytes, width, height)")
+    shape = array["shape"]
+    strides = array.get("strides")
     if array["typestr"] != "|u1" or len(shape) not in (2, 3):
         raise ValueError(f"an array of {array['typestr']} with shape {shape}, expected uint8 with H x W x C")
     channels = shape[2] if len(shape) == 3 else 1
@@ -100,16 +106,24 @@ def _image(frame, format):
         format = BGRA if format == BGR else RGBA
     if channels != _CHANNELS[format]:
         raise ValueError(f"{channels} channels, expected 1, 3 or 4")
+    if isinstance(array.get("data"), bytes):  # a PIL image: packed rows, in RGB order
+        if format in (BGR, BGRA):
+            format = RGB if format == BGR else RGBA
+        return _image((array["data"], shape[1], shape[0]), format)
     if strides is not None and (strides[1:] != (channels, 1)[: len(shape) - 1] or strides[0] < shape[1] * channels):
         frame = frame.copy()
         array = frame.__array_interface__
-        strides = array["strides"]
+        strides = array.get("strides")
     stride = strides[0] if strides is not None else 0
     return _Image(array["data"][0], shape[1], shape[0], stride, format), frame
 
 
 class Tracker:
-    """Follows one object. Not for several threads at a time."""
+    """Follows one object. Calls from several threads wait for each other.
+
+    After os.fork a tracker of several threads raises Error in the child: make a new one there. A tracker cannot be copied
+    or pickled.
+    """
 
     def __init__(self, model=None, threads=1):
         self._handle = ctypes.c_void_p()
@@ -120,6 +134,9 @@ class Tracker:
         if getattr(self, "_handle", None):
             _library.track_cpu_destroy(self._handle)
             self._handle = None
+
+    def __reduce__(self):
+        raise TypeError("a Tracker cannot be copied or pickled: make a new one and init it")
 
     def init(self, frame, box, format=BGR):
         """Takes what is inside the box (x, y, w, h) as the target."""

@@ -1,4 +1,4 @@
-//! What went wrong, as a code and in words; panics among it.
+//! Failures as a code and a message; panics become one of them.
 
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
@@ -19,10 +19,10 @@ pub enum Failure {
         /// How many there may be.
         most: u32,
     },
-    /// A path is no text.
+    /// A path is not UTF-8.
     #[error("the path of the model is not UTF-8")]
     Path,
-    /// A picture's format is none.
+    /// A picture's format is unknown.
     #[error("image format {found}, expected 0 to 4")]
     Format {
         /// What was given.
@@ -31,12 +31,17 @@ pub enum Failure {
     /// A model cannot be used.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// A picture is none.
+    /// A picture is invalid.
     #[error(transparent)]
     Frame(#[from] FrameError),
     /// The tracker refuses.
     #[error(transparent)]
     Track(#[from] TrackError),
+    /// The process was forked after the tracker had started its threads.
+    #[error(
+        "the process was forked after this tracker was made: make a new one in the child, or use one thread"
+    )]
+    Forked,
     /// A defect of this library.
     #[error("a defect in track-cpu: {0}")]
     Panic(String),
@@ -52,6 +57,7 @@ impl Failure {
             Failure::Frame(_) => 3,
             Failure::Track(_) => 4,
             Failure::Panic(_) => 5,
+            Failure::Forked => 6,
         }
     }
 }
@@ -60,7 +66,7 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::default();
 }
 
-/// Runs what a call does; a failure is kept in words and given as a code, 0 being success.
+/// Runs the body of a call. Keeps the message of a failure and returns its code; 0 is success.
 pub fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
     let done = catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
@@ -69,12 +75,12 @@ pub fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
     });
     let Err(failure) = done else { return 0 };
     let words = CString::new(failure.to_string().replace('\0', " ")).unwrap_or_default();
-    // Fails while the thread ends: then nobody asks.
+    // Fails while the thread ends, when nobody can ask any more.
     let _ = LAST.try_with(|last| last.replace(words));
     failure.code()
 }
 
-/// The last failure of this thread in words, until the next call.
+/// The message of this thread's last failure; it lasts until the next call.
 pub fn last() -> Option<*const c_char> {
     LAST.try_with(|last| last.borrow().as_ptr()).ok()
 }
@@ -84,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn panics_become_a_code() {
+    fn panic_in_a_call_becomes_a_code() {
         std::panic::set_hook(Box::new(|_| {}));
         assert_eq!(guarded(|| panic!("row {} is missing", 3)), 5);
         let text = LAST.with(|last| last.borrow().to_str().unwrap().to_owned());

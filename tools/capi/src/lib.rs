@@ -4,22 +4,24 @@
 //! |---|---|
 //! | `include/track_cpu.h` | the header |
 //! | `examples/follow.c` | raw frames to boxes in C |
-//! | `examples/track_cpu.py` | the same library from Python by ctypes: a class that stands where `cv2.TrackerNano` stood |
+//! | `examples/track_cpu.py` | the same library from Python by ctypes: a class in place of `cv2.TrackerNano` |
 //!
-//! Every function gives a code, 0 for success; [`track_cpu_last_error`] says in words what went wrong. No panic crosses
-//! the boundary: it becomes a code as well.
+//! Every function returns a code, 0 for success; [`track_cpu_last_error`] describes the last failure. No panic crosses the
+//! boundary: it becomes a code as well. Calls from several threads on one tracker wait for each other. After `fork` a
+//! tracker of several threads refuses its calls in the child, since its threads exist in the parent only.
 //!
-//! This is the only crate outside of the kernels that is not `forbid(unsafe_code)`: a C caller's pointers cannot be used
-//! otherwise. All of that is in this file, nothing but the boundary is here, and each block says what it relies on.
+//! This is the only crate besides the kernels that is not `forbid(unsafe_code)`: a C caller's pointers cannot be used
+//! otherwise. All of that code is in this file, nothing but the boundary is here, and each block states what it relies on.
 
 mod failure;
 
 use failure::{Failure, guarded};
 use std::ffi::{CStr, c_char};
 use std::path::Path;
+use std::sync::{Mutex, MutexGuard, TryLockError};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker, TrackerOptions};
 
-/// Most threads that a tracker may have.
+/// Largest number of threads of one tracker.
 const MAX_THREADS: u32 = 256;
 
 /// A box in pixels: left, top, width, height.
@@ -57,11 +59,42 @@ pub struct track_cpu_image {
 /// A tracker; C knows it by its address only.
 #[allow(non_camel_case_types)]
 pub struct track_cpu_tracker {
+    target: Mutex<Target>,
+    /// The process that started the tracker's threads.
+    process: u32,
+    threads: u32,
+}
+
+/// The tracker and what it last said; one call at a time uses them.
+struct Target {
     tracker: Tracker,
     score: f32,
 }
 
-/// Makes a tracker of a weights file or of the built-in model of that name; of the standard one if `model_path` is null.
+impl track_cpu_tracker {
+    /// Waits until no other thread uses the tracker.
+    fn lock(&self) -> Result<MutexGuard<'_, Target>, Failure> {
+        let poisoned = || Failure::Panic("an earlier call on this tracker ended in one".into());
+        if self.is_forked() {
+            if self.threads > 1 {
+                return Err(Failure::Forked);
+            }
+            // Whoever held the lock during the fork does not exist here, so nobody would ever release it.
+            return self.target.try_lock().map_err(|error| match error {
+                TryLockError::WouldBlock => Failure::Forked,
+                TryLockError::Poisoned(_) => poisoned(),
+            });
+        }
+        self.target.lock().map_err(|_| poisoned())
+    }
+
+    fn is_forked(&self) -> bool {
+        self.process != std::process::id()
+    }
+}
+
+/// Makes a tracker from a weights file or the built-in model of that name, or from the standard model if `model_path` is
+/// null.
 ///
 /// # Safety
 /// `model_path` is null or a string that ends in 0; `out` is null or may be written to.
@@ -81,13 +114,12 @@ pub unsafe extern "C" fn track_cpu_create(
                 most: MAX_THREADS,
             });
         }
-        let name = match model_path.is_null() {
-            true => None,
-            false => {
-                // SAFETY: it is not null, and the caller promises that it then is a string that ends in 0.
-                let path = unsafe { CStr::from_ptr(model_path) };
-                Some(Path::new(path.to_str().map_err(|_| Failure::Path)?))
-            }
+        let name = if model_path.is_null() {
+            None
+        } else {
+            // SAFETY: it is not null, and the caller promises that it then is a string that ends in 0.
+            let path = unsafe { CStr::from_ptr(model_path) };
+            Some(Path::new(path.to_str().map_err(|_| Failure::Path)?))
         };
         let model = Model::from_weights(&Model::find(name)?, Isa::detect())?;
         let options = TrackerOptions {
@@ -95,9 +127,11 @@ pub unsafe extern "C" fn track_cpu_create(
             ..TrackerOptions::of(&model)
         };
         let tracker = Tracker::with_options(model, options);
+        let score = 0.0;
         *out = Box::into_raw(Box::new(track_cpu_tracker {
-            tracker,
-            score: 0.0,
+            target: Mutex::new(Target { tracker, score }),
+            process: std::process::id(),
+            threads,
         }));
         Ok(())
     })
@@ -106,8 +140,8 @@ pub unsafe extern "C" fn track_cpu_create(
 /// Takes what is inside a box as the target, forgetting any earlier one.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`], is not destroyed and is not in use by another thread; `image`
-/// and `target` are null or may be read, and so may the picture's bytes.
+/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `image` and `target` are null or may be
+/// read, and so may the picture's bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_init(
     tracker: *mut track_cpu_tracker,
@@ -115,18 +149,18 @@ pub unsafe extern "C" fn track_cpu_init(
     target: *const track_cpu_box,
 ) -> i32 {
     guarded(|| {
-        // SAFETY: the caller promises that it is null or a tracker that nobody else uses.
-        let tracker = unsafe { tracker.as_mut() }.ok_or(Failure::Null("tracker"))?;
+        // SAFETY: the caller promises that it is null or a tracker; only its lock gives access to what changes.
+        let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
         // SAFETY: the caller promises that it is null or may be read.
         let image = unsafe { image.as_ref() }.ok_or(Failure::Null("image"))?;
         // SAFETY: the caller promises that it is null or may be read.
         let target = unsafe { target.as_ref() }.ok_or(Failure::Null("target"))?;
         // SAFETY: the caller promises that the picture's bytes may be read.
         let frame = unsafe { frame(image) }?;
-        tracker
-            .tracker
-            .init(&frame, BBox::new(target.x, target.y, target.w, target.h))?;
-        tracker.score = 1.0;
+        let mut held = tracker.lock()?;
+        let bbox = BBox::new(target.x, target.y, target.w, target.h);
+        held.tracker.init(&frame, bbox)?;
+        held.score = 1.0;
         Ok(())
     })
 }
@@ -142,16 +176,17 @@ pub unsafe extern "C" fn track_cpu_update(
     out: *mut track_cpu_box,
 ) -> i32 {
     guarded(|| {
-        // SAFETY: the caller promises that it is null or a tracker that nobody else uses.
-        let tracker = unsafe { tracker.as_mut() }.ok_or(Failure::Null("tracker"))?;
+        // SAFETY: the caller promises that it is null or a tracker; only its lock gives access to what changes.
+        let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
         // SAFETY: the caller promises that it is null or may be read.
         let image = unsafe { image.as_ref() }.ok_or(Failure::Null("image"))?;
         // SAFETY: the caller promises that it is null or may be written to.
         let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
         // SAFETY: the caller promises that the picture's bytes may be read.
         let frame = unsafe { frame(image) }?;
-        let track = tracker.tracker.update(&frame)?;
-        tracker.score = track.score;
+        let mut held = tracker.lock()?;
+        let track = held.tracker.update(&frame)?;
+        held.score = track.score;
         *out = track_cpu_box {
             x: track.bbox.x,
             y: track.bbox.y,
@@ -162,7 +197,7 @@ pub unsafe extern "C" fn track_cpu_update(
     })
 }
 
-/// How sure the tracker is of the last box, 0 to 1.
+/// Writes how sure the tracker is of the last box, 0 to 1.
 ///
 /// # Safety
 /// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `out` is null or may be written to.
@@ -173,33 +208,37 @@ pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out:
         let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
         // SAFETY: the caller promises that it is null or may be written to.
         let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
-        *out = tracker.score;
+        *out = tracker.lock()?.score;
         Ok(())
     })
 }
 
-/// Ends a tracker; null is none.
+/// Ends a tracker; a no-op for null.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] and is not used again.
+/// `tracker` is null or was made by [`track_cpu_create`] and is neither in use nor used again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_destroy(tracker: *mut track_cpu_tracker) {
     guarded(|| {
         if !tracker.is_null() {
             // SAFETY: it came out of `Box::into_raw`, and the caller promises that this happens once.
-            drop(unsafe { Box::from_raw(tracker) });
+            let tracker = unsafe { Box::from_raw(tracker) };
+            if tracker.is_forked() {
+                // Its threads cannot be joined: they exist in the parent only.
+                std::mem::forget(tracker);
+            }
         }
         Ok(())
     });
 }
 
-/// What the last failure on this thread was, in words: a string that lasts until the next call on this thread.
+/// Describes the last failure on this thread: a string that lasts until the next call on this thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn track_cpu_last_error() -> *const c_char {
     failure::last().unwrap_or(c"".as_ptr())
 }
 
-/// This library's version.
+/// Returns the library's version.
 #[unsafe(no_mangle)]
 pub extern "C" fn track_cpu_version() -> *const c_char {
     const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");

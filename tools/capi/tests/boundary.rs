@@ -72,7 +72,7 @@ fn last_error() -> String {
 }
 
 #[test]
-fn the_same_boxes_as_in_rust() {
+fn boxes_by_the_c_interface_equal_those_in_rust() {
     let mut tracker = null_mut();
     let (mut target, mut score) = (
         track_cpu_box {
@@ -107,7 +107,7 @@ fn the_same_boxes_as_in_rust() {
 }
 
 #[test]
-fn what_is_wrong_is_a_code_and_words() {
+fn bad_argument_gives_a_code_and_a_message() {
     let pixels = &frames()[0];
     let (good, target) = (
         image(pixels),
@@ -300,7 +300,7 @@ fn source(path: &str) -> PathBuf {
 
 #[cfg(unix)]
 #[test]
-fn a_c_program_follows() {
+fn c_example_gives_the_boxes_of_rust() {
     let (Some(library), true) = (library(), has("cc")) else {
         return;
     };
@@ -324,7 +324,7 @@ fn a_c_program_follows() {
 
 #[cfg(unix)]
 #[test]
-fn the_header_is_c_plus_plus_too() {
+fn header_compiles_as_cpp() {
     if has("c++") {
         let checked = Command::new("c++")
             .args([
@@ -350,7 +350,7 @@ fn the_header_is_c_plus_plus_too() {
 
 #[cfg(unix)]
 #[test]
-fn python_follows() {
+fn python_example_gives_the_boxes_of_rust() {
     let (Some(library), true) = (library(), has("python3")) else {
         return;
     };
@@ -384,6 +384,21 @@ class Array:  # what NumPy shows of H x W x 3, rows 400 bytes apart
         self.__array_interface__ = {"typestr": "|u1", "shape": (48, 64, 3), "strides": (400, 3, 1), "data": (address, False)}
 tracker.init(Array(), (10, 10, 8, 8))
 assert tracker.update(Array())[0]
+class Pil:  # what PIL.Image shows: packed bytes, no strides
+    __array_interface__ = {"version": 3, "shape": (48, 64, 3), "typestr": "|u1", "data": bytes(48 * 64 * 3)}
+tracker.init(Pil(), (10, 10, 8, 8))
+def refused(call, error, part):
+    try:
+        call()
+    except error as failure:
+        assert part in str(failure), failure
+    else:
+        raise AssertionError(part)
+refused(lambda: tracker.update(None), ValueError, "frame is None")
+refused(lambda: tracker.update("frame.png"), ValueError, "frame is a str")
+refused(lambda: __import__("copy").copy(tracker), TypeError, "cannot be copied")
+refused(lambda: __import__("copy").deepcopy(tracker), TypeError, "cannot be copied")
+refused(lambda: __import__("pickle").dumps(tracker), TypeError, "cannot be copied or pickled")
 print("passed", track_cpu.__version__)
 "#;
     let output = Command::new("python3")
@@ -399,5 +414,76 @@ print("passed", track_cpu.__version__)
     assert!(
         output.status.success() && out.starts_with("passed"),
         "{told}"
+    );
+}
+
+/// Runs a Python script that prints `passed` at its end, within 60 seconds.
+#[cfg(unix)]
+fn python_passes(script: &str) {
+    let Some(library) = library() else { return };
+    if !has("python3") || !has("timeout") {
+        return;
+    }
+    let output = Command::new("timeout")
+        .args(["60", "python3", "-B", "-c", script])
+        .env("PYTHONPATH", source("examples"))
+        .env("TRACK_CPU_LIBRARY", &library)
+        .output()
+        .unwrap();
+    let out = String::from_utf8_lossy(&output.stdout);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.success() && out.ends_with("passed\n"),
+        "{out}{told}"
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn tracker_used_by_four_threads_serializes_their_calls() {
+    python_passes(
+        r#"
+import threading, track_cpu
+frame = (bytes(range(256)) * 12, 64, 48)
+tracker = track_cpu.Tracker("drmim-p82")
+tracker.init(frame, (10, 10, 12, 12), track_cpu.GRAY)
+boxes = []
+def work(number):
+    for i in range(6):
+        if number == 0 and i % 3 == 2:
+            tracker.init(frame, (10, 10, 12, 12), track_cpu.GRAY)
+        boxes.append(tracker.update(frame, track_cpu.GRAY)[1])
+threads = [threading.Thread(target=work, args=(number,)) for number in range(4)]
+[thread.start() for thread in threads]
+[thread.join() for thread in threads]
+assert len(boxes) == 24 and all(len(box) == 4 for box in boxes)
+print("passed")
+"#,
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn tracker_after_fork_refuses_or_works_and_never_hangs() {
+    python_passes(
+        r#"
+import os, track_cpu
+frame = (bytes(range(256)) * 12, 64, 48)
+for threads, expected in ((1, 0), (2, 6)):
+    tracker = track_cpu.Tracker("drmim-p82", threads=threads)
+    tracker.init(frame, (10, 10, 12, 12), track_cpu.GRAY)
+    child = os.fork()
+    if child == 0:
+        code = 0
+        try:
+            tracker.update(frame, track_cpu.GRAY)
+        except track_cpu.Error as error:
+            code = error.code
+        del tracker
+        os._exit(code)
+    assert os.WEXITSTATUS(os.waitpid(child, 0)[1]) == expected
+    tracker.update(frame, track_cpu.GRAY)
+print("passed")
+"#,
     );
 }

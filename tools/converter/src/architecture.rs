@@ -139,10 +139,26 @@ fn require(
     }
     let listed = missing[..missing.len().min(4)].join(", ");
     let more = if missing.len() > 4 { ", ..." } else { "" };
-    let found = format!("{} missing: {listed}{more}", missing.len());
+    let mut found = format!("{} missing: {listed}{more}", missing.len());
+    let closest = checkpoint.names().take(MAX_COMPARED).max_by(|a, b| {
+        let likeness = |name: &&str| strsim::jaro_winkler(name, &missing[0]);
+        likeness(a).total_cmp(&likeness(b))
+    });
+    if let Some(name) = closest {
+        let count = checkpoint.names().count();
+        found += &format!("; the closest of its {count} tensors is {name:?}");
+    } else if !checkpoint.others().is_empty() {
+        found += &format!(
+            "; it has no tensors, only {}",
+            checkpoint.others().join(", ")
+        );
+    }
     Err(Refusal::new(
         "state dict",
         "every tensor of the network",
         found,
     ))
 }
+
+/// Most names that are compared with a missing one, for a message.
+const MAX_COMPARED: usize = 4096;

@@ -41,6 +41,46 @@ pub fn role(name: &str) -> Role {
     }
 }
 
+/// What wrappers put before a parameter's name: data parallelism, `torch.compile`, and modules that hold the network.
+const WRAPPERS: [&str; 8] = [
+    "module.",
+    "_orig_mod.",
+    "model.",
+    "net.",
+    "network.",
+    "ema.",
+    "ema_model.",
+    "tracker.",
+];
+
+/// A parameter's name without what wrappers put before it.
+pub fn bare(name: &str) -> &str {
+    let mut name = name;
+    while role(name) == Role::Unknown {
+        let Some(rest) = WRAPPERS
+            .iter()
+            .find_map(|wrapper| name.strip_prefix(wrapper))
+        else {
+            break;
+        };
+        name = rest;
+    }
+    name
+}
+
+/// Keys under which a checkpoint keeps its state dict, in the order in which they are preferred.
+pub const STATE_DICT_KEYS: [&str; 9] = [
+    "model_state_dict",
+    "state_dict",
+    "model",
+    "net",
+    "network",
+    "module",
+    "ema",
+    "model_ema",
+    "ema_state_dict",
+];
+
 /// How a checkpoint names its encoder E2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EncoderNames {

@@ -122,12 +122,27 @@ fn folded_equals_unfolded() {
 }
 
 #[test]
-fn every_container_and_wrapping() {
+fn state_dict_in_any_container_and_wrapper_gives_the_same_weights() {
     let dict = network();
     let expected = convert(&checkpoint(&dict, PLAIN)).weights;
     for legacy in [false, true] {
-        for wrapper in [None, Some("model_state_dict"), Some("state_dict")] {
-            for prefix in ["", "module."] {
+        for wrapper in [
+            None,
+            Some("model_state_dict"),
+            Some("state_dict"),
+            Some("model"),
+            Some("net"),
+            Some("ema"),
+            Some("weights"), // no known key, but the only dict with tensors of the network
+        ] {
+            for prefix in [
+                "",
+                "module.",
+                "_orig_mod.",
+                "module._orig_mod.",
+                "model.",
+                "_orig_mod.module.model.",
+            ] {
                 for ordered in [false, true] {
                     let form = Form {
                         wrapper,
@@ -329,5 +344,90 @@ fn newer_protocols() {
     assert_eq!(
         convert(&zip(&bytes, &storages)).weights,
         convert(&checkpoint(&network(), PLAIN)).weights
+    );
+}
+
+/// A checkpoint with the state dict under `model_state_dict` and, under `beside`, what the pickle `object` makes.
+fn beside(dict: &StateDict, beside: &str, object: impl FnOnce(Pickle) -> Pickle) -> Vec<u8> {
+    let form = Form {
+        wrapper: Some("model_state_dict"),
+        ..PLAIN
+    };
+    let (bytes, storages) = pickle(dict, form);
+    let end = bytes.len() - 2; // the outer dict's SETITEMS, and the end
+    let more = object(Pickle(bytes[..end].to_vec()).text(beside));
+    zip(&more.raw(b"u").stop(), &storages)
+}
+
+#[test]
+fn objects_of_unknown_classes_beside_the_state_dict_are_passed_over() {
+    let dict = network();
+    let expected = convert(&checkpoint(&dict, PLAIN)).weights;
+    let namespace = |p: Pickle| {
+        p.global("argparse", "Namespace")
+            .raw(b")\x81}")
+            .text("lr")
+            .raw(b"Nsb")
+    };
+    let path = |p: Pickle| p.global("pathlib", "PosixPath").text("/data").raw(b"\x85R");
+    let default_dict = |p: Pickle| {
+        p.global("collections", "defaultdict")
+            .global("builtins", "int")
+            .raw(b"\x85R(")
+            .text("seen")
+            .int(3)
+            .raw(b"u")
+    };
+    let bytes = |p: Pickle| p.raw(b"C\x03abc");
+    let objects: [(&str, &dyn Fn(Pickle) -> Pickle); 4] = [
+        ("args", &namespace),
+        ("root", &path),
+        ("counts", &default_dict),
+        ("digest", &bytes),
+    ];
+    for (name, object) in objects {
+        let conversion = convert(&beside(&dict, name, object));
+
+        assert_eq!(conversion.weights, expected, "{name}");
+        assert!(conversion.ignored.contains(&name.to_owned()), "{name}");
+    }
+}
+
+#[test]
+fn expanded_tensor_with_stride_0_repeats_its_element() {
+    let name = "basemodel.conv2.bn.running_var";
+    let mut others = network();
+    let channels = others.remove(name).unwrap().data.len();
+    let mut repeated = network();
+    repeated.get_mut(name).unwrap().data.fill(1.0);
+    let (bytes, mut storages) = pickle(&others, PLAIN);
+    storages.push(("one".into(), 1, 1.0_f32.to_le_bytes().to_vec()));
+    let storage = |p: Pickle| p.storage("FloatStorage", "one", 1, false);
+    let expanded = Pickle(vec![])
+        .text(name)
+        .tensor(storage, 0, &[channels as i64], &[0]);
+    let bytes = [&bytes[..bytes.len() - 2], &expanded.0, b"u."].concat();
+
+    let found = convert(&zip(&bytes, &storages)).weights;
+
+    assert_eq!(found, convert(&checkpoint(&repeated, PLAIN)).weights);
+}
+
+#[test]
+fn missing_tensors_are_listed_with_the_closest_name_there_is() {
+    let mut dict = network();
+    let entry = dict.remove("basemodel.conv1.conv.weight").unwrap();
+    dict.insert("basemodel.conv1.conv.weights".into(), entry);
+
+    let refusal = convert_bytes(&checkpoint(&dict, PLAIN), &Options::default()).unwrap_err();
+
+    let text = refusal.to_string();
+    assert!(
+        text.contains("1 missing: basemodel.conv1.conv.weight;"),
+        "{text}"
+    );
+    assert!(
+        text.contains("is \"basemodel.conv1.conv.weights\""),
+        "{text}"
     );
 }

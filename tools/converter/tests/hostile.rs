@@ -66,19 +66,19 @@ fn globals_and_calls() {
         ),
         ("torch.load", call("torch", "load"), "found `torch.load`"),
         (
-            "another module's OrderedDict",
-            call("collections.abc", "OrderedDict"),
-            "`collections.abc.OrderedDict`",
+            "a whole model",
+            call("models.siamese", "Tracker"),
+            "found a whole object of `models.siamese.Tracker`",
         ),
         (
             "escapes in a name",
-            call("os\u{1b}[2J", "x"),
-            "found `os\u{fffd}[2J.x`",
+            call("a\u{1b}[2J", "x"),
+            "found a whole object of `a\u{fffd}[2J.x`",
         ),
         (
             "STACK_GLOBAL",
-            only(p().text("os").text("system").raw(b"\x93")),
-            "byte 20: expected a global of a plain state dict, found `os.system`",
+            only(p().text("os").text("system").raw(b"\x93)R")),
+            "byte 22: expected a global of a plain state dict, found `os.system`",
         ),
         (
             "STACK_GLOBAL of numbers",
@@ -88,7 +88,7 @@ fn globals_and_calls() {
         (
             "REDUCE of a string",
             only(p().text("x").raw(b")R")),
-            "expected REDUCE of a known global, found \"x\"",
+            "expected REDUCE of a global, found \"x\"",
         ),
         (
             "REDUCE of a type",
@@ -135,7 +135,7 @@ fn globals_and_calls() {
         (
             "BUILD of a list",
             only(p().raw(b"]}b")),
-            "BUILD of an OrderedDict",
+            "BUILD of an OrderedDict or an object",
         ),
         (
             "INST",
@@ -143,11 +143,20 @@ fn globals_and_calls() {
             "expected an opcode of plain data, found opcode INST",
         ),
         ("OBJ", only(p().raw(b"(o")), "found opcode OBJ"),
-        ("NEWOBJ", only(p().raw(b"))\x81")), "found opcode NEWOBJ"),
         (
-            "NEWOBJ_EX",
+            "NEWOBJ of a tuple",
+            only(p().raw(b"))\x81")),
+            "expected NEWOBJ of a class, found a tuple of 0",
+        ),
+        (
+            "NEWOBJ_EX of a tuple",
             only(p().raw(b")))\x92")),
-            "found opcode NEWOBJ_EX",
+            "expected NEWOBJ of a class, found a tuple of 0",
+        ),
+        (
+            "ADDITEMS to a list",
+            only(p().raw(b"](N\x90")),
+            "expected ADDITEMS to a set, found a list of 0",
         ),
         ("EXT1", only(p().raw(b"\x82\x01")), "found opcode EXT"),
         ("PERSID", only(p().raw(b"P0\n")), "found opcode PERSID"),
@@ -471,7 +480,7 @@ fn containers() {
         (
             "empty",
             vec![],
-            "file: expected a PyTorch checkpoint (zip archive or legacy stream), found first bytes []",
+            "file: expected a PyTorch checkpoint (zip archive, legacy stream or safetensors), found first bytes []",
         ),
         (
             "text",

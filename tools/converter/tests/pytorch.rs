@@ -77,6 +77,39 @@ fn same(dict: &StateDict, expected: &common::StateDict) {
 }
 
 #[test]
+fn safetensors_state_dict_comes_back_as_the_same_weights() {
+    let folder = Folder::new("safetensors");
+    let dict = network();
+    let original = folder.at("a.pth");
+    std::fs::write(&original, checkpoint(&dict, PLAIN)).unwrap();
+    let weights = folder.at("w.safetensors");
+    let back = folder.at("back.safetensors");
+    let again = folder.at("again.safetensors");
+
+    for args in [
+        &[&original[..], "--out", &weights][..],
+        &[&weights, "--to", "pytorch", "--out", &back],
+        &[&back, "--out", &again],
+    ] {
+        let (code, _, told) = run(args);
+        assert_eq!(code, 0, "{args:?}: {told}");
+    }
+
+    let read = |path: &str| Weights::read(Path::new(path)).unwrap();
+    let first = read(&weights);
+    let second = read(&again);
+    for (name, tensor) in first.tensors() {
+        assert_eq!(second.tensor(name), Some(tensor), "{name}");
+    }
+    let (code, _, told) = run(&[&weights, "--out", &again]);
+    assert_eq!(code, 4);
+    assert!(
+        told.contains("a weights file, which needs no conversion"),
+        "{told}"
+    );
+}
+
+#[test]
 fn there_and_back_again_is_bit_by_bit() {
     let folder = Folder::new("roundtrip");
     for dict in [network_with_encoder(), network()] {

@@ -45,7 +45,7 @@ pub fn open(bytes: &[u8]) -> Result<(Heap, Id, Storages<'_>), Refusal> {
     let (heap, root) = stream.pickle()?;
     let keys = stream.pickle()?;
     let ranges = stream.storages(&heap, &keys)?;
-    Ok((heap, root, Storages::Legacy { bytes, ranges }))
+    Ok((heap, root, Storages::Ranges { bytes, ranges }))
 }
 
 struct Stream<'a> {

@@ -2,10 +2,12 @@
 
 mod legacy;
 mod pickle;
+mod tensors;
 mod torch;
 mod zip;
 
 use crate::error::Refusal;
+use crate::names::{self, Role};
 use pickle::{Heap, Id, Value};
 use std::{collections::BTreeMap, ops::Range};
 use torch::{StorageRef, TensorRef};
@@ -22,8 +24,10 @@ pub struct Checkpoint<'a> {
 }
 
 impl<'a> Checkpoint<'a> {
-    /// Reads the structure of a checkpoint: a zip archive or a legacy stream, its state dict under
-    /// `model_state_dict`, under `state_dict` or bare, its names with or without `module.`.
+    /// Reads the structure of a checkpoint: a zip archive, a legacy stream or a safetensors file.
+    ///
+    /// The state dict is the whole file, or it lies under one of [`names::STATE_DICT_KEYS`] or another key, up to
+    /// [`MAX_DEPTH`] dicts deep. Names lose what wrappers put before them ([`names::bare`]).
     ///
     /// # Errors
     /// Says which part of the file, which byte of the pickle or which key is not acceptable.
@@ -31,39 +35,21 @@ impl<'a> Checkpoint<'a> {
         let (heap, root, storages) = match bytes {
             [b'P', b'K', 3, 4, ..] => zip::open(bytes)?,
             [0x80, ..] => legacy::open(bytes)?,
+            [_, _, _, _, _, _, _, _, b'{', ..] => return tensors::open(bytes),
             _ => {
                 let first = &bytes[..bytes.len().min(4)];
-                let expected = "a PyTorch checkpoint (zip archive or legacy stream)";
-                return Err(Refusal::new(
-                    "file",
-                    expected,
-                    format!("first bytes {first:02x?}"),
-                ));
+                let expected = "a PyTorch checkpoint (zip archive, legacy stream or safetensors)";
+                let found = format!("first bytes {first:02x?}");
+                return Err(Refusal::new("file", expected, found));
             }
         };
-        let mut others = Vec::new();
-        let mut entries = dict(&heap, root, "checkpoint")?;
-        let wrapped = ["model_state_dict", "state_dict"]
-            .into_iter()
-            .find(|&key| entries.contains_key(key));
-        if let Some(key) = wrapped {
-            let inner = dict(&heap, entries[key], key)?;
-            others.extend(entries.into_keys().filter(|name| name != key));
-            entries = inner;
-        }
+        let found = StateDict::find(&heap, root)?;
         let mut tensors = BTreeMap::new();
-        for (name, id) in entries {
-            let name = name.strip_prefix("module.").unwrap_or(&name);
+        let mut others = found.others;
+        for (name, id) in found.entries {
             match heap.get(id) {
-                Value::Tensor(tensor) => {
-                    if tensors
-                        .insert(name.to_owned(), (**tensor).clone())
-                        .is_some()
-                    {
-                        return Err(twice(name));
-                    }
-                }
-                _ => others.push(name.to_owned()),
+                Value::Tensor(tensor) => insert(&mut tensors, &name, (**tensor).clone())?,
+                _ => others.push(name),
             }
         }
         Ok(Checkpoint {
@@ -73,7 +59,7 @@ impl<'a> Checkpoint<'a> {
         })
     }
 
-    /// Names of the tensors, without `module.`.
+    /// Names of the tensors, without those of wrappers.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.tensors.keys().map(String::as_str)
     }
@@ -132,6 +118,105 @@ impl<'a> Checkpoint<'a> {
     }
 }
 
+/// Adds a tensor under its bare name.
+fn insert(
+    tensors: &mut BTreeMap<String, TensorRef>,
+    name: &str,
+    tensor: TensorRef,
+) -> Result<(), Refusal> {
+    let name = names::bare(name);
+    match tensors.insert(name.to_owned(), tensor) {
+        Some(_) => Err(twice(name)),
+        None => Ok(()),
+    }
+}
+
+/// Most dicts within each other that a state dict is looked for in.
+const MAX_DEPTH: usize = 4;
+/// Most dicts that are looked at: one may hold itself.
+const MAX_DICTS: usize = 256;
+
+/// Where a checkpoint keeps its tensors.
+struct StateDict {
+    entries: BTreeMap<String, Id>,
+    /// Keys that were passed over on the way.
+    others: Vec<String>,
+}
+
+impl StateDict {
+    /// The first dict that has a tensor of the network; without one, the dict under the first known key, or the root.
+    fn find(heap: &Heap, root: Id) -> Result<StateDict, Refusal> {
+        let entries = match heap.get(root) {
+            Value::Opaque(name) => {
+                let expected = "a state dict: torch.save(model.state_dict(), ...) writes one";
+                let found = format!("a whole object of `{name}`");
+                return Err(Refusal::new("checkpoint", expected, found));
+            }
+            _ => dict(heap, root, "checkpoint")?,
+        };
+        let mut dicts = MAX_DICTS;
+        if let Some(found) = Self::below(heap, &entries, MAX_DEPTH, &mut dicts) {
+            return Ok(found);
+        }
+        let known = names::STATE_DICT_KEYS
+            .iter()
+            .find(|key| entries.contains_key(**key));
+        let Some(&key) = known else {
+            return Ok(StateDict {
+                entries,
+                others: Vec::new(),
+            });
+        };
+        let inner = dict(heap, entries[key], key)?;
+        Ok(StateDict {
+            entries: inner,
+            others: entries.into_keys().filter(|other| other != key).collect(),
+        })
+    }
+
+    /// Looks through a dict and the dicts within it, known keys first.
+    fn below(
+        heap: &Heap,
+        entries: &BTreeMap<String, Id>,
+        depth: usize,
+        dicts: &mut usize,
+    ) -> Option<StateDict> {
+        let of_network = |(name, id): (&String, &Id)| {
+            matches!(heap.get(*id), Value::Tensor(_))
+                && names::role(names::bare(name)) == Role::Deployed
+        };
+        if entries.iter().any(of_network) {
+            return Some(StateDict {
+                entries: entries.clone(),
+                others: Vec::new(),
+            });
+        }
+        if depth <= 1 {
+            return None;
+        }
+        let known = names::STATE_DICT_KEYS.iter().map(|key| key.to_string());
+        for key in known.chain(entries.keys().cloned()) {
+            let Some(&id) = entries.get(&key) else {
+                continue;
+            };
+            if *dicts == 0 || !matches!(heap.get(id), Value::Dict(_)) {
+                continue;
+            }
+            *dicts -= 1;
+            let Ok(inner) = dict(heap, id, &key) else {
+                continue;
+            };
+            if let Some(mut found) = Self::below(heap, &inner, depth - 1, dicts) {
+                found
+                    .others
+                    .extend(entries.keys().filter(|other| **other != key).cloned());
+                return Some(found);
+            }
+        }
+        None
+    }
+}
+
 /// The entries of a dict whose keys are strings, none of them twice.
 fn dict(heap: &Heap, id: Id, place: &str) -> Result<BTreeMap<String, Id>, Refusal> {
     let Value::Dict(items) = heap.get(id) else {
@@ -157,7 +242,8 @@ fn twice(key: &str) -> Refusal {
 #[derive(Debug)]
 enum Storages<'a> {
     Zip(zip::Entries<'a>),
-    Legacy {
+    /// One run of bytes that holds them all: a legacy stream or a safetensors file.
+    Ranges {
         bytes: &'a [u8],
         ranges: BTreeMap<String, Range<usize>>,
     },
@@ -170,7 +256,7 @@ impl Storages<'_> {
         let expected = storage.bytes().unwrap_or(usize::MAX);
         let bytes = match self {
             Storages::Zip(entries) => entries.get(&storage.key, expected)?,
-            Storages::Legacy { bytes, ranges } => match ranges.get(&storage.key) {
+            Storages::Ranges { bytes, ranges } => match ranges.get(&storage.key) {
                 Some(range) => &bytes[range.clone()],
                 None => return Err(Refusal::new(place(), "its data", "none")),
             },

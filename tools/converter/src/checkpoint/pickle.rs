@@ -4,10 +4,14 @@
 //! nothing here or behind it recurses. Every opcode adds at most one value of bounded size, or moves values that others
 //! added, so time and memory are proportional to the input's length.
 //!
+//! A checkpoint may carry other things beside its tensors, such as a run's arguments. An object of an unknown class stays
+//! [`Value::Opaque`]: a name without content. No class is looked up, nothing is called. A pickle that calls something that
+//! runs code, such as `os.system`, is refused all the same, because its other readers would run it.
+//!
 //! Source: Python's `pickletools`, protocols 0 to 5 as far as `torch.save` uses them.
 
 use super::torch::{self, Global, StorageRef, TensorRef};
-use crate::error::Refusal;
+use crate::error::{Refusal, brief};
 use std::collections::HashMap;
 
 /// Longest pickle accepted; that of a checkpoint with optimizer state has about a hundred kilobytes.
@@ -31,6 +35,8 @@ pub enum Value {
     /// `dict` and `OrderedDict`, in the order of insertion; a key may occur twice.
     Dict(Vec<(Id, Id)>),
     Global(Global),
+    /// A class or function that we do not know, or an object made by one: its qualified name.
+    Opaque(String),
     Storage(Box<StorageRef>),
     Tensor(Box<TensorRef>),
 }
@@ -48,6 +54,7 @@ impl Value {
             Value::List(items) => format!("a list of {}", items.len()),
             Value::Dict(items) => format!("a dict of {}", items.len()),
             Value::Global(global) => format!("{global:?}"),
+            Value::Opaque(name) => format!("an object of `{name}`"),
             Value::Storage(_) => "a storage".into(),
             Value::Tensor(tensor) => format!("a tensor of shape {:?}", tensor.shape),
         }
@@ -227,12 +234,12 @@ impl Machine<'_> {
             b'c' => {
                 let module = self.line()?;
                 let name = self.line()?;
-                self.global(&module, &name)?;
+                self.global(&module, &name);
             }
             0x93 => {
                 let (name, module) = (self.pop()?, self.pop()?);
                 match (self.heap.get(module).clone(), self.heap.get(name).clone()) {
-                    (Value::Str(module), Value::Str(name)) => self.global(&module, &name)?,
+                    (Value::Str(module), Value::Str(name)) => self.global(&module, &name),
                     (module, _) => {
                         return Err(self.refuse("two strings for STACK_GLOBAL", module.kind()));
                     }
@@ -240,15 +247,45 @@ impl Machine<'_> {
             }
             b'R' => self.reduce()?,
             b'b' => {
-                // The attributes of an OrderedDict (`_metadata` of a state dict) do not matter to us.
+                // Attributes do not matter to us: neither an OrderedDict's (`_metadata` of a state dict) nor those of
+                // an object of an unknown class.
                 self.pop()?;
                 let object = self.top()?;
-                if !matches!(self.heap.get(object), Value::Dict(_)) {
-                    return Err(
-                        self.refuse("BUILD of an OrderedDict", self.heap.get(object).kind())
-                    );
+                if !matches!(self.heap.get(object), Value::Dict(_) | Value::Opaque(_)) {
+                    let expected = "BUILD of an OrderedDict or an object";
+                    return Err(self.refuse(expected, self.heap.get(object).kind()));
                 }
             }
+            0x81 => {
+                self.pop()?; // the arguments
+                self.object()?;
+            }
+            0x92 => {
+                self.pop()?; // the keyword arguments
+                self.pop()?; // the arguments
+                self.object()?;
+            }
+            b'B' => {
+                let length = u32::from_le_bytes(self.array()?);
+                self.bytes(length as usize)?;
+            }
+            b'C' => {
+                let length = self.byte()?;
+                self.bytes(length.into())?;
+            }
+            0x8f => self.push(Value::Opaque("set".into())),
+            0x90 => {
+                self.pop_mark()?;
+                let set = self.top()?;
+                if !matches!(self.heap.get(set), Value::Opaque(_)) {
+                    return Err(self.refuse("ADDITEMS to a set", self.heap.get(set).kind()));
+                }
+            }
+            0x91 => {
+                self.pop_mark()?;
+                self.push(Value::Opaque("frozenset".into()));
+            }
+            b'0' => drop(self.pop()?),
             b'Q' => {
                 let id = self.pop()?;
                 let storage = torch::storage(&self.heap, id).map_err(|error| self.place(error))?;
@@ -260,26 +297,52 @@ impl Machine<'_> {
     }
 
     fn reduce(&mut self) -> Result<(), Refusal> {
-        let (arguments, callable) = (self.pop()?, self.pop()?);
-        let Value::Global(global) = self.heap.get(callable) else {
-            return Err(self.refuse("REDUCE of a known global", self.heap.get(callable).kind()));
-        };
+        let arguments = self.pop()?;
+        let callable = self.pop()?;
         let Value::Tuple(items) = self.heap.get(arguments) else {
             return Err(self.refuse("a tuple of arguments", self.heap.get(arguments).kind()));
+        };
+        let global = match self.heap.get(callable) {
+            Value::Global(global) => global,
+            Value::Opaque(name) if torch::runs_code(name) => {
+                return Err(self.refuse("a global of a plain state dict", format!("`{name}`")));
+            }
+            Value::Opaque(name) => {
+                let name = name.clone();
+                self.push(Value::Opaque(name));
+                return Ok(());
+            }
+            other => return Err(self.refuse("REDUCE of a global", other.kind())),
         };
         let value = torch::call(&self.heap, global, items).map_err(|error| self.place(error))?;
         self.push(value);
         Ok(())
     }
 
-    fn global(&mut self, module: &str, name: &str) -> Result<(), Refusal> {
-        let Some(global) = torch::global(module, name) else {
-            return Err(self.refuse(
-                "a global of a plain state dict",
-                format!("`{module}.{name}`"),
-            ));
+    fn global(&mut self, module: &str, name: &str) {
+        let value = match torch::global(module, name) {
+            Some(global) => Value::Global(global),
+            None => Value::Opaque(brief(format!("{module}.{name}"))),
         };
-        self.push(Value::Global(global));
+        self.push(value);
+    }
+
+    /// Replaces a class on the stack by an object of it.
+    fn object(&mut self) -> Result<(), Refusal> {
+        let class = self.pop()?;
+        let value = match self.heap.get(class) {
+            Value::Opaque(name) => Value::Opaque(name.clone()),
+            Value::Global(Global::OrderedDict) => Value::Dict(Vec::new()),
+            other => return Err(self.refuse("NEWOBJ of a class", other.kind())),
+        };
+        self.push(value);
+        Ok(())
+    }
+
+    /// Passes over raw bytes, which no tensor of a state dict is made of.
+    fn bytes(&mut self, length: usize) -> Result<(), Refusal> {
+        self.take(length)?;
+        self.push(Value::Opaque("bytes".into()));
         Ok(())
     }
 
@@ -287,6 +350,7 @@ impl Machine<'_> {
         let target = self.top()?;
         match &mut self.heap.values[target.0 as usize] {
             Value::List(list) => list.extend(items),
+            Value::Opaque(_) => {} // a list of an unknown class
             other => {
                 let kind = other.kind();
                 return Err(self.refuse("APPEND to a list", kind));
@@ -302,6 +366,7 @@ impl Machine<'_> {
         let target = self.top()?;
         match &mut self.heap.values[target.0 as usize] {
             Value::Dict(dict) => dict.extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1]))),
+            Value::Opaque(_) => {} // a dict of an unknown class
             other => {
                 let kind = other.kind();
                 return Err(self.refuse("SETITEM of a dict", kind));
@@ -427,11 +492,8 @@ impl Machine<'_> {
 /// Name of an opcode that is not accepted.
 fn name_of(opcode: u8) -> String {
     let name = match opcode {
-        b'0' => "POP",
         b'1' => "POP_MARK",
         b'2' => "DUP",
-        b'B' => "BINBYTES",
-        b'C' => "SHORT_BINBYTES",
         b'F' => "FLOAT",
         b'I' => "INT",
         b'L' => "LONG",
@@ -444,15 +506,10 @@ fn name_of(opcode: u8) -> String {
         b'l' => "LIST",
         b'o' => "OBJ",
         b'p' => "PUT",
-        0x81 => "NEWOBJ",
         0x82..=0x84 => "EXT",
         0x8b => "LONG4",
         0x8d => "BINUNICODE8",
         0x8e => "BINBYTES8",
-        0x8f => "EMPTY_SET",
-        0x90 => "ADDITEMS",
-        0x91 => "FROZENSET",
-        0x92 => "NEWOBJ_EX",
         0x96 => "BYTEARRAY8",
         0x97 => "NEXT_BUFFER",
         0x98 => "READONLY_BUFFER",

@@ -78,6 +78,46 @@ pub fn global(module: &str, name: &str) -> Option<Global> {
     })
 }
 
+/// Whether a global of that qualified name runs code or reads files when it is called.
+///
+/// Nothing is called here, whatever the name. The list is a courtesy to whoever opens the checkpoint with Python next.
+pub fn runs_code(name: &str) -> bool {
+    const MODULES: [&str; 17] = [
+        "os",
+        "posix",
+        "nt",
+        "subprocess",
+        "sys",
+        "runpy",
+        "importlib",
+        "shutil",
+        "socket",
+        "pty",
+        "code",
+        "ctypes",
+        "pickle",
+        "webbrowser",
+        "asyncio",
+        "multiprocessing",
+        "timeit",
+    ];
+    const BUILTINS: [&str; 8] = [
+        "eval",
+        "exec",
+        "compile",
+        "open",
+        "getattr",
+        "setattr",
+        "__import__",
+        "input",
+    ];
+    let (module, function) = name.split_once('.').unwrap_or((name, ""));
+    let builtin = matches!(module, "builtins" | "__builtin__");
+    MODULES.contains(&module)
+        || builtin && BUILTINS.contains(&function)
+        || matches!(name, "torch.load" | "torch.hub.load")
+}
+
 /// A run of elements somewhere in the checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StorageRef {
@@ -112,8 +152,11 @@ pub struct TensorRef {
 impl TensorRef {
     /// Most dimensions accepted.
     const MAX_DIMENSIONS: usize = 8;
+    /// Most elements of a tensor that repeats those of its storage (`expand`, stride 0).
+    const MAX_REPEATED: usize = 1 << 24;
 
-    /// Checks that every element lies within the storage and that there are no more of them than the storage has.
+    /// Checks that every element lies within the storage. There are no more of them than the storage has, unless a stride
+    /// of 0 repeats them.
     fn new(
         storage: StorageRef,
         offset: usize,
@@ -144,7 +187,12 @@ impl TensorRef {
             .iter()
             .try_fold(1_usize, |product, &n| product.checked_mul(n))
             .ok_or_else(outside)?;
-        if elements > available {
+        let distinct: usize = shape
+            .iter()
+            .zip(&strides)
+            .filter(|(_, stride)| **stride > 0)
+            .fold(1, |product, (n, _)| product.saturating_mul(*n));
+        if distinct > available || elements > available.max(Self::MAX_REPEATED) {
             return Err(outside());
         }
         if elements > 0 {
@@ -166,6 +214,17 @@ impl TensorRef {
             shape,
             strides,
         })
+    }
+
+    /// The whole of a storage, row-major.
+    ///
+    /// # Errors
+    /// If the storage does not have as many elements as the shape.
+    pub fn whole(storage: StorageRef, shape: Vec<usize>) -> Result<TensorRef, Refusal> {
+        let strides = (0..shape.len())
+            .map(|i| shape[i + 1..].iter().product())
+            .collect();
+        TensorRef::new(storage, 0, shape, strides)
     }
 
     /// Every element in row-major order, from the storage's bytes; `None` for an integer type.
