@@ -90,7 +90,7 @@ pub struct LayerPlan {
 /// The built-in models; the first is the standard one.
 static BUILTIN: [(&str, &[u8]); 2] = [
     ("drmim-p50", include_bytes!("builtin/drmim-p50.safetensors")),
-    ("drmim-p82", include_bytes!("builtin/drmim-p82.safetensors")),
+    ("drmim-p75", include_bytes!("builtin/drmim-p75.safetensors")),
 ];
 
 /// Whether a file begins as PyTorch's checkpoints do: as a zip archive or as a pickle.

@@ -855,7 +855,7 @@ fn outputs(init: &str) -> Vec<Case> {
             full: true,
             ..case(name, args, Fails(OUTPUT, "standard output"))
         };
-        cases.push(full("info onto a full disk", "info drmim-p82"));
+        cases.push(full("info onto a full disk", "info drmim-p75"));
         cases.push(Case {
             full: true,
             ..track("standard output full", "", Fails(OUTPUT, "standard output"))

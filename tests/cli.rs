@@ -448,9 +448,9 @@ fn mode_and_shares_of_older_versions_still_work() {
 
 #[test]
 fn small_model_given_by_name_is_used() {
-    let about = run(["info", "drmim-p82", "--json"], b"");
+    let about = run(["info", "drmim-p75", "--json"], b"");
     let object: Value = serde_json::from_str(&stdout(&about)).unwrap();
-    assert_eq!(object["name"], "drmim-p82");
+    assert_eq!(object["name"], "drmim-p75");
     let standard: Value = serde_json::from_str(&stdout(&run(["info", "--json"], b""))).unwrap();
     assert_eq!(standard["name"], "drmim-p50");
     let folder = folder("cli-small");
@@ -464,7 +464,7 @@ fn small_model_given_by_name_is_used() {
             "--init",
             &init,
             "--model",
-            "drmim-p82",
+            "drmim-p75",
         ],
         b"",
     );

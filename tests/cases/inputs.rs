@@ -409,7 +409,7 @@ fn boxes_and_models() -> Vec<Case> {
         }),
         model("misspelt built-in model", "drmim-p99").expect(Expect {
             code: 4,
-            says: &["drmim-p99", "drmim-p50", "drmim-p82"],
+            says: &["drmim-p99", "drmim-p50", "drmim-p75"],
             ..REFUSED
         }),
     ]

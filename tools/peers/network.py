@@ -11,7 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 WIDTHS = {
     "half": (48, 128, 192, 192, 128, 128),  # drmim-p50
     "full": (96, 256, 384, 384, 256, 256),
-    "small": (16, 48, 64, 64, 48, 48),  # drmim-p82
+    "small": (24, 64, 96, 96, 64, 64),  # drmim-p75
 }
 SIDE = 303
 

@@ -445,7 +445,7 @@ fn tracker_used_by_four_threads_serializes_their_calls() {
         r#"
 import threading, track_cpu
 frame = (bytes(range(256)) * 12, 64, 48)
-tracker = track_cpu.Tracker("drmim-p82")
+tracker = track_cpu.Tracker("drmim-p75")
 tracker.init(frame, (10, 10, 12, 12), track_cpu.GRAY)
 boxes = []
 def work(number):
@@ -470,7 +470,7 @@ fn tracker_after_fork_refuses_or_works_and_never_hangs() {
 import os, track_cpu
 frame = (bytes(range(256)) * 12, 64, 48)
 for threads, expected in ((1, 0), (2, 6)):
-    tracker = track_cpu.Tracker("drmim-p82", threads=threads)
+    tracker = track_cpu.Tracker("drmim-p75", threads=threads)
     tracker.init(frame, (10, 10, 12, 12), track_cpu.GRAY)
     child = os.fork()
     if child == 0:

@@ -214,7 +214,8 @@ pub fn load(path: &Path) -> Result<(Position, State), Error> {
         let tensor = Tensor::new(view.shape(), values.collect());
         let list = match name.split_once('.') {
             Some(("parameter", rest)) => (&mut state.parameters, rest),
-            Some(("optimizer", rest)) => (&mut state.optimizer, rest),
+            // Older checkpoints spell it with an s.
+            Some(("optimizer" | "optimiser", rest)) => (&mut state.optimizer, rest),
             Some(("average", rest)) => (&mut state.averages, rest),
             _ => return Err(wrong(&format!("a tensor named {name:?}"))),
         };
