@@ -27,6 +27,17 @@ pub(crate) struct Column {
     across: Vec<(Road, f32)>,
 }
 
+/// A place in the coordinates of a road.
+#[derive(Clone, Copy)]
+struct OnRoad {
+    /// Meters to the side of the road's middle.
+    across: f32,
+    /// Meters along the road.
+    along: f32,
+    /// Whether another road crosses here.
+    is_junction: bool,
+}
+
 /// A place with what its surroundings need to know: slow, middling and fine noise, and grain
 /// (-1..1).
 struct Spot {
@@ -111,10 +122,20 @@ impl<'a> Painter<'a> {
             .iter()
             .any(|r| (t - r.at).abs() < r.half + r.walk);
         for (r, d) in across {
-            self.road(&mut color, &mut water, &spot, r, *d, t, near_along);
+            let place = OnRoad {
+                across: *d,
+                along: t,
+                is_junction: near_along,
+            };
+            self.road(&mut color, &mut water, &spot, r, place);
         }
         for r in &self.land.along {
-            self.road(&mut color, &mut water, &spot, r, t - r.at, x, near_across);
+            let place = OnRoad {
+                across: t - r.at,
+                along: x,
+                is_junction: near_across,
+            };
+            self.road(&mut color, &mut water, &spot, r, place);
         }
         let tint = self.palette.tint;
         (
@@ -373,18 +394,13 @@ impl<'a> Painter<'a> {
         ((0.5 * width - d.abs()) / self.texel + 0.5).clamp(0.0, (width / self.texel).min(1.0))
     }
 
-    /// Lays a road over what is there: `d` meters to the side of its middle, `s` meters along.
-    #[allow(clippy::too_many_arguments)]
-    fn road(
-        &self,
-        c: &mut Rgb,
-        water: &mut f32,
-        spot: &Spot,
-        r: &Road,
-        d: f32,
-        s: f32,
-        junction: bool,
-    ) {
+    /// Paints a road over the color and the share of water of a place.
+    fn road(&self, c: &mut Rgb, water: &mut f32, spot: &Spot, r: &Road, place: OnRoad) {
+        let OnRoad {
+            across: d,
+            along: s,
+            is_junction: junction,
+        } = place;
         let a = d.abs();
         if a > r.half + r.walk + 2.5 {
             return;
