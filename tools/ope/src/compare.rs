@@ -18,7 +18,7 @@ pub struct Comparison {
     pub trackers: Vec<Evaluation>,
     /// Each tracker's scores, in the same order.
     pub scores: Vec<Score>,
-    /// Attributes that sequences here have.
+    /// Attributes of the sequences.
     pub attributes: Attributes,
 }
 
@@ -32,7 +32,7 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// Those of some curves.
+    /// Precision and AUC of curves.
     pub fn of(curves: &Curves) -> Pair {
         Pair {
             precision: 100.0 * curves.precision(),
@@ -42,10 +42,9 @@ impl Pair {
 }
 
 impl Comparison {
-    /// Reads the results of each tracker; those called alike are told apart by number.
+    /// Reads the results of each tracker; trackers of one name are numbered.
     ///
-    /// Where some trackers lack sequences that are not to be refused, only those that all have are
-    /// compared.
+    /// If missing sequences are skipped, only those that every tracker has are compared.
     ///
     /// # Errors
     /// As of [`Evaluation::read`] and [`Evaluation::score`].
@@ -263,8 +262,7 @@ impl Comparison {
     }
 }
 
-/// How many times as fast as the slowest the fastest tracker is for the axis of speed to be
-/// logarithmic.
+/// Ratio of the fastest to the slowest tracker from which the axis of speed is logarithmic.
 const FAR_APART: f64 = 8.0;
 
 /// The next round number.

@@ -21,7 +21,7 @@ pub enum Layout {
     Visdrone,
 }
 
-/// Writes all results below `out`; returns how many sequences that are.
+/// Writes all results below `out` and returns the number of sequences.
 ///
 /// # Errors
 /// If a file cannot be used, or there are no results.
@@ -57,7 +57,7 @@ pub fn export(
     Ok(names.len())
 }
 
-/// Where the boxes and times of a sequence go.
+/// The files for a sequence's boxes and times.
 fn files(
     layout: Layout,
     dataset: Dataset,

@@ -1,9 +1,9 @@
-//! Rendered flights as a benchmark on disk, for those who have none at hand.
+//! Rendered flights as a benchmark on disk.
 //!
 //! `<DIR>/list.txt` names the sequences. Each has its pictures in `color/%08d.jpg`, its boxes in
-//! `groundtruth.txt`, and what the VOT toolkit asks for beside them: `sequence` says how to read
-//! it, `anchor.value` where multi-start runs begin (1: forward, -1: backward), `occlusion.tag`
-//! where the target is partly hidden.
+//! `groundtruth.txt`, and the files of the VOT toolkit beside them: `sequence` describes the
+//! format, `anchor.value` marks the starts of multi-start runs (1: forward, -1: backward), and
+//! `occlusion.tag` marks frames in which the target is partly hidden.
 
 use crate::error::Error;
 use crate::results::{lines, write_whole};
@@ -14,33 +14,32 @@ use sequences::Rect;
 use std::fs;
 use std::path::Path;
 
-/// Share of the target that has to be seen for a frame to have a box; others are NaN, as UAV123
-/// writes it.
+/// Least visible share of the target for a frame to have a box; other frames are NaN, as in UAV123.
 const SEEN: f32 = 0.1;
-/// Share of the target below which it counts as partly hidden.
+/// Visible share of the target below which it counts as partly hidden.
 const HIDDEN: f32 = 0.7;
 /// Frames from one start of the multi-start protocol to the next.
 const ANCHORS: usize = 25;
 /// Quality of the pictures, of 100.
 const QUALITY: u8 = 90;
 
-/// Which flights.
+/// The flights of a benchmark.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Flights {
-    /// Seed of the first; the others have the next ones.
+    /// Seed of the first flight; the others have the next seeds.
     pub seed: u64,
-    /// How many.
+    /// Number of flights.
     pub count: usize,
-    /// Frames in each.
+    /// Frames in each flight.
     pub frames: usize,
     /// Width and height in pixels.
     pub size: (usize, usize),
-    /// How hard they are.
+    /// Difficulty of the flights.
     pub difficulty: Difficulty,
 }
 
 impl Flights {
-    /// Writes them below `out`; `progress` is told of each.
+    /// Writes the flights below `out` and calls `progress` with a line about each.
     ///
     /// # Errors
     /// If a file cannot be written.

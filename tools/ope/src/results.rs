@@ -22,7 +22,7 @@ impl Results {
     /// The results in `folder`.
     ///
     /// # Errors
-    /// If it is no folder that can be read.
+    /// If the folder cannot be read.
     pub fn open(folder: &Path) -> Result<Results, Error> {
         fs::read_dir(folder).map_err(Error::unreadable(folder))?;
         Ok(Results {
@@ -30,24 +30,24 @@ impl Results {
         })
     }
 
-    /// The results in `folder`, which is made if it is not there.
+    /// The results in `folder`, which is created if it does not exist.
     ///
     /// # Errors
-    /// If it cannot be made.
+    /// If the folder cannot be created.
     pub fn create(folder: &Path) -> Result<Results, Error> {
         fs::create_dir_all(folder).map_err(Error::unwritable(folder))?;
         Results::open(folder)
     }
 
-    /// Whether the boxes of a sequence are there, one for each of `frames`.
+    /// Whether a sequence has boxes for all of its `frames`.
     pub fn is_whole(&self, sequence: &str, frames: usize) -> bool {
         self.boxes(sequence)
             .is_ok_and(|boxes| boxes.is_some_and(|boxes| boxes.len() == frames))
     }
 
     /// Writes the boxes of a sequence as `<sequence>.txt`, `x,y,w,h` to three digits, and the
-    /// seconds of its frames, if there are any, as `times/<sequence>_time.txt` to eight. The file
-    /// of boxes appears last and whole.
+    /// seconds of its frames, if known, as `times/<sequence>_time.txt` to eight digits. The file of
+    /// boxes is renamed into place last.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -64,12 +64,12 @@ impl Results {
         )
     }
 
-    /// Where it lies.
+    /// The folder's path.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The boxes of a sequence, one per frame; `None` if there is no file of it.
+    /// The boxes of a sequence, one per frame; `None` without a file.
     ///
     /// # Errors
     /// If the file cannot be read, or a line is not a box.
@@ -83,7 +83,7 @@ impl Results {
         Ok(path.map(|path| text::read_boxes(&path)).transpose()?)
     }
 
-    /// The seconds of each frame of a sequence; `None` if there is no file of it.
+    /// The seconds of each frame of a sequence; `None` without a file.
     ///
     /// # Errors
     /// If the file cannot be read, or a line is not a number.
@@ -97,7 +97,7 @@ impl Results {
         Ok(path.map(|path| text::read_numbers(&path)).transpose()?)
     }
 
-    /// The sequences that there are files `<sequence>.txt` of.
+    /// The names of all sequences with a file `<sequence>.txt`.
     ///
     /// # Errors
     /// If the folder cannot be read.
@@ -109,7 +109,7 @@ impl Results {
             .collect())
     }
 
-    /// The folder's own name: what a tracker is called unless told otherwise.
+    /// The folder's own name, which is the tracker's by default.
     pub fn name(&self) -> String {
         let resolved = self
             .folder
@@ -135,10 +135,10 @@ pub fn lines(boxes: &[Rect], separator: &str) -> String {
     boxes.iter().map(line).collect()
 }
 
-/// Writes a file that is never seen in part: under another name first.
+/// Writes a file under another name, then renames it, so that readers never see a part of it.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the file cannot be written.
 pub fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
     let part = path.with_file_name(format!(".{}.part", file_name(path)));
     let written = fs::write(&part, text).and_then(|()| fs::rename(&part, path));

@@ -9,11 +9,11 @@ use serde::Serialize;
 /// The results of one tracker beside the annotations, sequence by sequence.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// What the tracker is called.
+    /// The tracker's name.
     pub tracker: String,
     /// One per annotated sequence that has results.
     pub sequences: Vec<Evaluated>,
-    /// Speed, where times were written.
+    /// Speed, if the results include times.
     pub speed: Option<Speed>,
 }
 
@@ -26,12 +26,12 @@ pub struct Evaluated {
     pub boxes: Vec<Rect>,
 }
 
-/// What is to be done about sequences that have no results.
+/// The treatment of sequences without results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Missing {
     /// Refuse: a mean over fewer sequences is not the benchmark's.
     Refuse,
-    /// Leave them out and say so.
+    /// Leave them out with a note.
     Skip,
 }
 
@@ -63,8 +63,8 @@ impl Evaluation {
     /// Reads the results of every annotated sequence.
     ///
     /// # Errors
-    /// If a file cannot be used, or sequences have no results and that is to be refused, or none
-    /// has.
+    /// If a file cannot be used, if sequences without results are refused and there are any, or if
+    /// no sequence has results.
     pub fn read(
         annotations: &[Annotation],
         results: &Results,

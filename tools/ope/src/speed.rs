@@ -1,14 +1,15 @@
-//! Frames per second, each by the rule it is quoted under.
+//! Frames per second under the two rules in use.
 
 use serde::Serialize;
 
-/// Speed of a tracker: the timer is around initialization and update, reading pictures excluded.
+/// Speed of a tracker. The clock runs during initialization and update, not while pictures are
+/// read.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Speed {
     /// Mean over sequences of the mean over frames of 1/seconds, the first frame included: the
     /// got10k toolkit's rule, which is never below the other one on a sequence.
     pub mean_of_rates: f64,
-    /// All frames by all seconds.
+    /// All frames over all seconds.
     pub frames_per_time: f64,
     /// Sequences with times.
     pub sequences: usize,

@@ -1,9 +1,9 @@
-//! One step at a time: whether the tracker finds a target that it was near in the frame before.
+//! Single steps: whether the tracker finds a target that it was near in the previous frame.
 //!
-//! In one-pass evaluation a single slip decides a sequence, so that its figures move by points
-//! where networks hardly differ. Here the tracker is put near the truth before every frame, off by
-//! a quarter of a side in changing directions, as a tracker that follows well would be; what it
-//! makes of each frame is counted. The template is the first frame's and what the model adds to it.
+//! In one-pass evaluation a single slip decides a sequence, so that figures of nearly equal
+//! networks differ by points. Here the tracker is placed near the truth before every frame, off by
+//! a quarter of a side in changing directions, and every frame counts. The template is that of the
+//! first frame with the model's updates.
 
 use crate::boxes::{from_tracker, to_tracker};
 use crate::error::Error;
@@ -13,19 +13,20 @@ use sequences::{Rect, Sequence};
 use serde::Serialize;
 use track_cpu::{Model, Tracker, TrackerOptions};
 
-/// How far off the tracker is put, in sides of the target (the root of its area).
+/// Distance from the truth at which the tracker is placed, in sides of the target (the root of its
+/// area).
 const OFF: f64 = 0.25;
 /// Angle by which the direction changes from frame to frame, in radians.
 const TURN: f64 = 2.4;
-/// Greatest distance of the centers, in sides of the target, at which it counts as found.
+/// Greatest distance of the centers of a target that is found, in sides of the target.
 const FOUND: f64 = 0.3;
 
 /// How the steps through one sequence went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Steps {
-    /// Frames that were looked at: those with the target, after one with it.
+    /// Frames that count: those with the target whose previous frame has it as well.
     pub frames: usize,
-    /// Share of them in which it was found, in `[0, 1]`.
+    /// Share of them in which the target was found, in `[0, 1]`.
     pub found: f64,
     /// Mean IoU with the truth.
     pub iou: f64,
@@ -34,7 +35,7 @@ pub struct Steps {
 /// Steps through a sequence on this thread.
 ///
 /// # Errors
-/// If a picture cannot be read, or the first box is not one.
+/// If a picture cannot be read, or the tracker refuses the first box.
 pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
     let annotation = &sequence.annotation;
     let wrong = |reason: String| failure(&annotation.name, reason);

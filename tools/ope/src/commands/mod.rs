@@ -16,7 +16,7 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Says on standard error what happened and picks the exit code.
+/// Prints the error on standard error and picks the exit code.
 pub fn exit(error: &Error) -> ExitCode {
     let exit = match error {
         Error::Unwritable { error, .. } if error.kind() == ErrorKind::BrokenPipe => {
@@ -72,7 +72,7 @@ fn sequences(args: &TruthArgs) -> Result<Option<Vec<Sequence>>, Error> {
     }))
 }
 
-/// A tracker's name that is to be a folder's.
+/// A tracker's name, checked to be a folder's.
 fn folder_name(name: &str) -> Result<&str, Error> {
     if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
         let expected = "a name for a folder".to_owned();

@@ -1,4 +1,4 @@
-//! Where the first tracker of a comparison failed worst, in pictures.
+//! Pictures of the worst failures of a comparison's first tracker.
 
 use crate::compare::Comparison;
 use crate::error::Error;

@@ -1,5 +1,4 @@
-//! One HTML page about a comparison, which needs nothing but itself: tables, plots, frames of the
-//! worst failures.
+//! One self-contained HTML page about a comparison: tables, plots, diagnosis, worst failures.
 
 mod diagnosis;
 mod failures;

@@ -1,4 +1,4 @@
-//! This repository's tracker over one sequence.
+//! Our tracker over one sequence.
 
 use super::{Outcome, failure};
 use crate::boxes::{from_tracker, to_tracker};

@@ -29,7 +29,7 @@ impl CommandLine {
     /// Splits a command line into words.
     ///
     /// # Errors
-    /// Says what is wrong, if it is empty or a quote does not end.
+    /// If it is empty, or a quote does not end.
     pub fn parse(text: &str) -> Result<CommandLine, String> {
         let mut words = Vec::new();
         let mut word = None::<String>;
@@ -58,7 +58,7 @@ impl CommandLine {
         &self.words[0]
     }
 
-    /// What the program is called: its file's name.
+    /// The program's file name.
     pub fn name(&self) -> String {
         Path::new(self.program())
             .file_stem()
@@ -80,9 +80,9 @@ impl CommandLine {
         command
     }
 
-    /// Runs the program on a sequence, its files in a folder below `folder` that goes away.
+    /// Runs the program on a sequence. Its files lie in a temporary folder below `folder`.
     ///
-    /// It may take `timeout` for each frame: so many times that for all of them.
+    /// The limit for the whole run is `timeout` times the number of frames.
     pub(super) fn track(
         &self,
         timeout: Duration,
@@ -140,7 +140,7 @@ impl CommandLine {
     }
 }
 
-/// Waits for the program's end; one that takes longer than `limit` is ended.
+/// Waits for the program's end and kills it after `limit`.
 fn wait(mut child: Child, limit: Duration) -> Result<ExitStatus, String> {
     let began = Instant::now();
     let mut pause = Duration::from_millis(1);

@@ -1,10 +1,10 @@
-//! Folders of results that shards wrote, made one.
+//! One folder of results from those of several shards.
 
 use crate::error::Error;
 use crate::results::Results;
 use std::path::Path;
 
-/// Copies the results in `parts` to `into`; returns how many sequences are there then.
+/// Copies the results in `parts` to `into` and returns the number of sequences there.
 ///
 /// # Errors
 /// If a file cannot be used, or two folders have different boxes of one sequence.

@@ -1,9 +1,8 @@
-//! Running a tracker over a benchmark: several sequences at a time, going on where an earlier run
-//! ended.
+//! Runs a tracker over a benchmark, several sequences at a time, and resumes an interrupted run.
 //!
-//! A sequence's file of boxes appears under its name only when it is whole, its times before it;
-//! what is there is not done again. The boxes do not depend on how many sequences run at a time, on
-//! shards or on interruptions.
+//! A sequence's file of boxes appears under its name only when it is whole, and its times before
+//! it. A sequence with a whole file is not run again. The boxes do not depend on the number of
+//! sequences that run at a time, on shards or on interruptions.
 
 mod builtin;
 mod command;
@@ -26,38 +25,37 @@ use std::time::Duration;
 use track_cpu::Model;
 use track_cpu::source::OnBadFrame;
 
-/// What is run.
+/// The tracker that is run.
 #[derive(Clone, Debug)]
 pub enum Runner {
-    /// This repository's tracker, one thread per sequence, and what it does about frames that
-    /// cannot be read.
+    /// Our tracker, one thread per sequence, and its treatment of frames that cannot be read.
     Builtin(Model, OnBadFrame),
     /// Another program.
     Program(Program),
 }
 
-/// Another program and how it is to be used.
+/// Another program and how to use it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Program {
     /// How it is started.
     pub line: CommandLine,
-    /// How it is told of frames.
+    /// How frames are passed to it.
     pub manner: Manner,
-    /// How long it may take for one frame.
+    /// Longest time for one frame.
     pub timeout: Duration,
 }
 
-/// How a program is told of frames.
+/// How frames are passed to a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Manner {
-    /// Of all at once, by its command line.
+    /// All at once, by its command line.
     Files,
-    /// Of one at a time, by the TraX protocol; it is started anew for each sequence.
+    /// One at a time, by the TraX protocol. The program is started anew for each sequence.
     Trax,
 }
 
 impl Program {
-    /// How long a program may take for one frame unless told otherwise.
+    /// Default of the longest time for one frame.
     pub const TIMEOUT: Duration = Duration::from_secs(60);
 
     /// A program from `COMMAND` or `trax:COMMAND`.
@@ -130,14 +128,14 @@ impl FromStr for Shard {
     }
 }
 
-/// Runs over those sequences of a shard that `folder` has no results of yet; returns how many it
-/// ran.
+/// Runs over the sequences of a shard that have no results in `folder` yet, and returns their
+/// number.
 ///
-/// `jobs` sequences run at a time; `progress` is told a line about each.
+/// `jobs` sequences run at a time; `progress` gets a line about each.
 ///
 /// # Errors
-/// If the folder cannot be written, or sequences fail: the others are still run, and each failure
-/// is told. If frames could not be read and their boxes were held, after all sequences.
+/// If the folder cannot be written, or sequences fail. The others still run, and `progress` gets
+/// each failure. If boxes were held over frames that cannot be read, after all sequences.
 pub fn run(
     sequences: &[Sequence],
     shard: Shard,

@@ -1,4 +1,4 @@
-//! Another program over one sequence, through the TraX protocol: this end is the client.
+//! Another program over one sequence through the TraX protocol, of which this is the client.
 
 use super::{CommandLine, Outcome, failure};
 use crate::error::Error;
@@ -12,16 +12,16 @@ use std::thread;
 use std::time::{Duration, Instant};
 use trax::{Kind, Message, Rectangle, Region};
 
-/// Messages that a program may be ahead of us; one that sends more waits.
+/// Messages that a program may send ahead before it blocks.
 const AHEAD: usize = 16;
 
-/// How long a program may take to end after `quit`.
+/// Time for a program to end after `quit`.
 const FAREWELL: Duration = Duration::from_secs(3);
 
-/// Starts the program and leads it through a sequence.
+/// Starts the program and sends it the frames of a sequence.
 ///
-/// The seconds of a frame are those from the message to its answer: the program's reading of the
-/// picture is part of it.
+/// A frame's seconds run from the message to its answer and include the program's reading of the
+/// picture.
 pub fn track(
     line: &CommandLine,
     timeout: Duration,
@@ -68,7 +68,7 @@ fn frame(image: String) -> Message {
     Message::new(Kind::Frame).argument(image)
 }
 
-/// A running program; it is ended when dropped.
+/// A running program, which is killed when dropped.
 struct Server {
     child: Child,
     to: ChildStdin,
@@ -103,7 +103,8 @@ impl Server {
         Ok(server)
     }
 
-    /// Starts the program, and a thread that reads what it says so that waiting for it can end.
+    /// Starts the program, and a thread that reads its messages so that waiting for one can time
+    /// out.
     fn spawn(mut command: Command, timeout: Duration) -> Result<Server, String> {
         let mut child = command.spawn().map_err(|error| error.to_string())?;
         let (Some(to), Some(out)) = (child.stdin.take(), child.stdout.take()) else {
@@ -134,7 +135,7 @@ impl Server {
         })
     }
 
-    /// The messages that give an object and its picture.
+    /// The messages that name the object and its picture.
     fn beginning(&self, image: String, first: Rect) -> Vec<Message> {
         let Rect { x, y, w, h } = first;
         let region = if self.takes_rectangles {
@@ -150,7 +151,7 @@ impl Server {
         }
     }
 
-    /// Sends messages and waits for the box in answer.
+    /// Sends messages and waits for the box.
     fn ask(&mut self, messages: &[Message]) -> Result<Rect, String> {
         let text: String = messages
             .iter()
@@ -172,7 +173,7 @@ impl Server {
         Ok(Rect::new(x, y, w, h))
     }
 
-    /// The next message, which has to be of a kind.
+    /// The next message; an error if it is of another kind.
     fn next(&mut self, kind: Kind) -> Result<Message, String> {
         let message = match self.from.recv_timeout(self.timeout) {
             Ok(message) => message?,
@@ -197,7 +198,7 @@ impl Server {
         }
     }
 
-    /// Says farewell and waits a moment; one that stays is ended by the drop.
+    /// Sends `quit` and waits a moment. The drop kills a program that stays.
     fn quit(&mut self) {
         let _ = writeln!(self.to, "{}", Message::new(Kind::Quit)).and_then(|()| self.to.flush());
         let deadline = Instant::now() + FAREWELL;
