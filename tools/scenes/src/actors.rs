@@ -8,7 +8,7 @@ use crate::people::Look;
 use crate::rng::Rng;
 use crate::vehicles;
 
-/// What the target is.
+/// Kind of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TargetKind {
     /// A passenger car.
@@ -28,7 +28,7 @@ pub enum TargetKind {
 }
 
 impl TargetKind {
-    /// Those that a biome may have, the likelier ones more than once.
+    /// The kinds that occur in a biome; likelier kinds occur more than once.
     pub(crate) fn of(biome: Biome) -> &'static [TargetKind] {
         use TargetKind::*;
         match biome {
@@ -69,7 +69,7 @@ impl TargetKind {
     }
 }
 
-/// The body of something that moves or could.
+/// The body of an actor.
 #[derive(Clone)]
 pub(crate) enum Body {
     Solid(Mesh),
@@ -107,12 +107,12 @@ pub(crate) struct Route {
     pub t: f32,
     /// Meters a second in x; its sign is the direction.
     pub speed: f32,
-    /// Meters to and fro in x, and its period in seconds.
+    /// Amplitude of the surge in x in meters, and its period in seconds.
     pub surge: (f32, f32),
-    /// Meters to and fro in t, and its period in seconds.
+    /// Amplitude of the sway in t in meters, and its period in seconds.
     pub sway: (f32, f32),
     pub phase: f32,
-    /// Where someone standing still looks, if not along the line: cosine and sine.
+    /// Heading of a standing actor as cosine and sine; along the line if `None`.
     pub facing: Option<(f32, f32)>,
 }
 
@@ -157,7 +157,7 @@ impl Route {
     }
 }
 
-/// Something that moves or could.
+/// The target, a look-alike or another road user, moving or standing.
 pub(crate) struct Actor {
     pub kind: TargetKind,
     pub body: Body,
@@ -200,7 +200,7 @@ fn lane(land: &Land, kind: TargetKind, way: f32, rng: &mut Rng) -> f32 {
 
 /// The target, then the distractors: `count` look-alikes and as many other road users.
 ///
-/// `pace` multiplies speeds, `twins` is the chance that a look-alike has the target's very body.
+/// `pace` multiplies speeds; `twins` is the chance that a look-alike has exactly the target's body.
 pub(crate) fn cast(
     land: &Land,
     kind: TargetKind,

@@ -1,4 +1,4 @@
-//! The camera: where it is, which way it looks, and how it follows the target through a flight.
+//! The camera: its position, its direction, and how it follows the target through a flight.
 
 use crate::math::{V3, cos_turns, lerp, sin_turns, smooth_step, v3};
 use crate::rng::Rng;
@@ -48,7 +48,7 @@ impl Camera {
     }
 }
 
-/// How lively the camera work is.
+/// Amplitudes of the camera's motion.
 #[derive(Clone, Copy)]
 pub(crate) struct Manner {
     /// Amplitude of the target's wandering in the view, as a share of half the view.

@@ -14,7 +14,7 @@ use crate::raster::{Frame, Stand};
 use crate::trees::Crown;
 use crate::{FrameBuffer, Truth, TruthBox};
 
-/// What of a frame is drawn: everything, but for tests that look at one part of it.
+/// The parts of a frame that are drawn. Tests switch parts off.
 #[derive(Clone, Copy)]
 pub(crate) struct Show {
     pub target: bool,
@@ -63,7 +63,7 @@ impl Flight {
         self.box_in(actor, seconds, &self.camera(seconds))
     }
 
-    /// Draws a frame without blur and noise; returns what the target's mask says of its visibility.
+    /// Draws a frame without blur and noise, and returns it with its truth.
     pub(crate) fn draw(&self, seconds: f32, show: Show) -> (Frame, Truth) {
         let camera = self.camera(seconds);
         let (width, height) = (self.config.width, self.config.height);
@@ -201,8 +201,8 @@ impl Flight {
         (frame, truth)
     }
 
-    /// Brings what spans the way (a bridge, a canopy) before everything that may pass below it:
-    /// seen from above, it is met first, however far away the middle of either is.
+    /// Moves a bridge or canopy in front of everything that may pass below it. Seen from above, it
+    /// hides them, whichever center is nearer.
     fn lift_spans(&self, order: &mut [(f32, Drawn)], camera: &Camera) {
         let spot = |at: V3, depth: f32, radius: f32| {
             let p = camera.project(at);
@@ -304,12 +304,10 @@ impl Flight {
         }
     }
 
-    /// Renders the frame `index` (a later one than the last is the last) and returns what is true
-    /// of it.
+    /// Renders the frame `index`, or the last frame beyond the end, and returns its truth.
     ///
-    /// Equal flights give equal bytes for equal indices, in whatever order they are asked for: only
-    /// integer and IEEE basic operations take part. `out` is resized to the flight's view if it has
-    /// another size.
+    /// Equal flights give equal bytes for equal indices, in any order of rendering, because only
+    /// integer and basic IEEE operations are used. `out` is resized to the flight's view.
     pub fn render(&self, index: usize, out: &mut FrameBuffer) -> Truth {
         self.render_with(
             index,
@@ -353,7 +351,7 @@ impl Flight {
         truth
     }
 
-    /// How far the view turns while the shutter is open, in pixels.
+    /// Pixels by which the view turns while the shutter is open.
     fn smear(&self, seconds: f32) -> (f32, f32) {
         let open = self.preset.shutter / RATE;
         let shift = |seconds: f32| {

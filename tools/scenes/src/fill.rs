@@ -1,4 +1,4 @@
-//! Which pixels a convex polygon or a disc covers: the one place that turns outlines into spans.
+//! The pixels that a convex polygon or a disc covers, as spans of rows.
 
 use crate::math::ceil;
 

@@ -1,4 +1,4 @@
-//! A flight: everything that is decided before the first frame.
+//! A flight: everything that is planned before the first frame.
 
 use crate::FlightConfig;
 use crate::actors::{self, Actor, TargetKind};
@@ -35,16 +35,15 @@ pub struct Flight {
     pub(crate) aim: f32,
     /// Seconds at which an occluder was planned.
     pub(crate) occlusions: Vec<f32>,
-    /// Sets the ground's chance apart from other flights'.
+    /// Seed of the ground's noise.
     pub(crate) salt: u32,
 }
 
 impl Flight {
     /// Plans the flight and paints its country.
     ///
-    /// Width and height are taken as at least 1 and at most 8192, frames as at least 1. This is the
-    /// slow part: some tenths of a second for the default size. It takes memory for at most a few
-    /// million texels of ground.
+    /// Width and height are clamped to 1..=8192, frames to at least 1. The call takes some tenths
+    /// of a second for the default size, and memory for at most a few million texels of ground.
     pub fn new(config: FlightConfig) -> Flight {
         let mut flight = Flight::unpainted(config);
         let (extent, texel) = flight.extent();
@@ -60,7 +59,7 @@ impl Flight {
         flight
     }
 
-    /// All of a flight but its ground, which stays black: enough to know where everything is.
+    /// A flight with black ground, for tests of geometry.
     pub(crate) fn unpainted(config: FlightConfig) -> Flight {
         let mut config = config;
         config.width = config.width.clamp(1, 8192);
@@ -135,17 +134,17 @@ impl Flight {
         self.config.frames
     }
 
-    /// Whether there is no frame; never so.
+    /// Always false: a flight has at least one frame.
     pub fn is_empty(&self) -> bool {
         self.config.frames == 0
     }
 
-    /// What the flight is over.
+    /// The country that the flight is over.
     pub fn biome(&self) -> Biome {
         self.land.biome
     }
 
-    /// What the target is.
+    /// The kind of the target.
     pub fn target(&self) -> TargetKind {
         self.actors[0].kind
     }
@@ -154,7 +153,7 @@ impl Flight {
         index.min(self.config.frames - 1) as f32 / RATE
     }
 
-    /// Where the camera is at a time.
+    /// The camera at a time.
     pub(crate) fn camera(&self, seconds: f32) -> Camera {
         let target = self.actors[0].route.at(&self.land, seconds);
         self.plan.pose(seconds, target + v3(0.0, 0.0, self.aim))
@@ -248,8 +247,8 @@ impl Flight {
         (extent, nearest.clamp(0.02, 2.0))
     }
 
-    /// Plans something between the camera and the target at a time: a tree where there is room for
-    /// one, or a bridge.
+    /// Plans an occluder between the camera and the target at a time: a tree where there is room,
+    /// or a bridge.
     fn occlude(&self, builder: &mut Builder, seconds: f32, rng: &mut Rng) -> bool {
         let camera = self.camera(seconds);
         let mesh = self.actors[0].mesh(seconds);
@@ -301,7 +300,7 @@ impl Flight {
         true
     }
 
-    /// Takes away what would hide the target at the start, and some of what would hide it later.
+    /// Removes what would hide the target at the start, and some of what would hide it later.
     fn clear_sight(&self, layout: &mut Layout, rng: &mut Rng) {
         let step = 3;
         let frames = self.config.frames.min(9000);
@@ -340,7 +339,7 @@ impl Flight {
         });
     }
 
-    /// Takes away the actors that touch the target in the first frames.
+    /// Removes the actors that touch the target in the first frames.
     fn clear_start(&mut self) {
         let sights: Vec<_> = [0usize, 6, 12, 18]
             .iter()
@@ -405,7 +404,7 @@ impl Flight {
     }
 }
 
-/// The biome and the kind of target of a flight: as asked, or by the seed.
+/// The biome and the kind of target of a flight, from its configuration or its seed.
 fn choose(config: &FlightConfig, rng: &mut Rng) -> (Biome, TargetKind) {
     let fits = |biome: Biome, kind: TargetKind| kind != TargetKind::Boat || biome == Biome::Coast;
     let drawn = rng.pick(&Biome::ALL);

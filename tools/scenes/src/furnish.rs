@@ -1,4 +1,4 @@
-//! Furnishes the country: what belongs in each biome, and where.
+//! Fills the country with the things of its biome.
 
 use crate::actors::TargetKind;
 use crate::buildings;
@@ -12,7 +12,7 @@ use crate::rng::hash_unit;
 use crate::trees::Tree;
 
 impl Builder<'_> {
-    /// Fills the extent with what belongs in the biome.
+    /// Fills the extent with the things of the biome.
     pub fn furnish(&mut self) {
         match self.land.biome {
             Biome::Farmland => self.farmland(),

@@ -1,5 +1,4 @@
-//! The painted ground: what every square decimeter of the country looks like from above, before
-//! anything stands on it.
+//! The painted ground: the color of every texel of the country without the things on it.
 
 use crate::land::{Land, PERIOD, Paving, Road, nearest_copy};
 use crate::math::{Rgb, floor, mix, scaled, smooth_step, wrap};
@@ -18,8 +17,8 @@ pub(crate) struct Painter<'a> {
     shift: (f32, f32),
 }
 
-/// A column of texels: its x, the main line's y there and its foreshortening, and how far off the
-/// roads across are.
+/// A column of texels: its x, the main line's y there and its foreshortening, and the distances to
+/// the roads across.
 pub(crate) struct Column {
     x: f32,
     line: f32,
@@ -38,8 +37,7 @@ struct OnRoad {
     is_junction: bool,
 }
 
-/// A place with what its surroundings need to know: slow, middling and fine noise, and grain
-/// (-1..1).
+/// A place with its noise: slow, middling and fine noise, and grain, each in -1..1.
 struct Spot {
     x: f32,
     t: f32,
@@ -71,7 +69,7 @@ impl<'a> Painter<'a> {
             .at(x * k + self.shift.0 + m, y * k + self.shift.1)
     }
 
-    /// What all texels at one x share.
+    /// The values that all texels at one x share.
     pub fn column(&self, x: f32) -> Column {
         let slope = self.land.slope(x);
         let near = self
@@ -90,7 +88,7 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Color (unlit by any shadow) and share of open water, at a world point.
+    /// Color without shadows, and share of open water, at a world point.
     pub fn paint(&self, column: &Column, y: f32) -> (Rgb, f32) {
         let x = column.x;
         let t = (y - column.line) * column.scale;
@@ -554,7 +552,7 @@ impl<'a> Painter<'a> {
 /// Width of a garden plot in meters.
 pub(crate) const PLOT: f32 = 16.0;
 
-/// What a block of a town holds.
+/// Use of a block of a town.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum BlockKind {
     Houses,

@@ -1,8 +1,7 @@
-//! The plan of the country: a winding main line with roads beside and across it, and what lies
-//! where.
+//! The plan of the country: a winding main line with roads beside and across it.
 //!
 //! Places are given as (x, t): x along the world, t meters to the left of the main line. The plan
-//! repeats in x after [`PERIOD`] meters, so that a flight may be as long as it likes.
+//! repeats in x after [`PERIOD`] meters, so that flights have no longest length.
 
 use crate::math::{V3, cos_turns, floor, sin_turns, v3};
 use crate::palette::Biome;
@@ -16,7 +15,7 @@ pub(crate) fn nearest_copy(x: f32, near: f32) -> f32 {
     x - PERIOD * floor((x - near) / PERIOD + 0.5) as f32
 }
 
-/// What a road is made of.
+/// Surface of a road.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Paving {
     Asphalt,

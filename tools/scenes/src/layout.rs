@@ -1,5 +1,4 @@
-//! What stands on the ground and how it gets there: buildings, trees, parked vehicles, and the
-//! planned occluders.
+//! The things that stand on the ground: buildings, trees, parked vehicles, planned occluders.
 
 use crate::actors::{Actor, Body, Route, TargetKind};
 use crate::land::{Land, PERIOD, nearest_copy};
@@ -13,22 +12,22 @@ use crate::vehicles;
 /// Number of broad-leaved crowns a flight has.
 pub(crate) const CROWNS: usize = 7;
 
-/// What stands somewhere.
+/// Kind of a thing.
 pub(crate) enum Thing {
     /// Index into [`Layout::meshes`].
     Mesh(usize),
     Tree(Tree),
 }
 
-/// Something that stays where it is.
+/// A thing that does not move.
 pub(crate) struct Standing {
     pub thing: Thing,
     pub at: V3,
     /// Cosine and sine of its heading.
     pub heading: (f32, f32),
-    /// Put there to hide the target: never cleared away.
+    /// Whether it was planned to hide the target and is never removed.
     pub planned: bool,
-    /// Spans what passes below it, so that whatever overlaps it in the view is behind it.
+    /// Whether it spans what passes below it, and so hides whatever it overlaps in the view.
     pub over: bool,
 }
 
@@ -63,7 +62,7 @@ impl Builder<'_> {
         self.layout.strips.iter().all(open) && self.layout.taken.iter().all(clear)
     }
 
-    /// Whether (x, t) is worth building at: inside the extent and a margin.
+    /// Whether (x, t) lies inside the extent and a margin.
     pub fn wanted(&self, p: V3) -> bool {
         let x = self.extent.x.0 + (p.x - self.extent.x.0).rem_euclid(PERIOD);
         let e = &self.extent;

@@ -1,4 +1,4 @@
-//! What the camera does to the picture: motion blur and the sensor's noise.
+//! Effects of the camera on the picture: motion blur and sensor noise.
 
 use std::sync::OnceLock;
 

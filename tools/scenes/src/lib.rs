@@ -108,7 +108,7 @@ impl FromStr for Difficulty {
     }
 }
 
-/// What a flight is to be like.
+/// Configuration of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlightConfig {
     /// Width of the view in pixels.
@@ -117,7 +117,7 @@ pub struct FlightConfig {
     pub height: usize,
     /// Number of frames, 30 a second.
     pub frames: usize,
-    /// Decides everything that is left open here.
+    /// Seed of everything that the other fields leave open.
     pub seed: u64,
     /// Preset for everything that makes tracking hard.
     pub difficulty: Difficulty,
@@ -179,7 +179,7 @@ pub struct TruthBox {
     pub h: f32,
 }
 
-/// What is true of a frame, whatever can be seen in it.
+/// The truth about a frame, seen or not.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Truth {
     /// Tight box of the whole target (hidden and out-of-view parts included) at mid-exposure,
@@ -187,7 +187,7 @@ pub struct Truth {
     pub bbox: TruthBox,
     /// Share of the target's area that lies in the view and is not hidden, 0..1.
     pub visible: f32,
-    /// Boxes of everything else of the target's sort, moving or parked, that reaches into the view;
-    /// it may be hidden.
+    /// Boxes of all other things of the target's kind that reach into the view, moving or parked,
+    /// hidden or not.
     pub distractors: Vec<TruthBox>,
 }

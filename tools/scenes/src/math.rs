@@ -76,8 +76,7 @@ impl V3 {
     }
 }
 
-/// Sine of an angle in turns, by polynomial: the system's own sine differs between platforms, this
-/// one does not.
+/// Sine of an angle in turns, by a polynomial that gives the same bits on every platform.
 pub(crate) fn sin_turns(turns: f32) -> f32 {
     let mut r = turns - floor(turns + 0.5) as f32;
     if r > 0.25 {
@@ -95,8 +94,7 @@ pub(crate) fn cos_turns(turns: f32) -> f32 {
     sin_turns(turns + 0.25)
 }
 
-/// The largest whole number not above `v`, without the call into the system's library that
-/// `f32::floor` may be.
+/// The largest whole number not above `v`, without the library call of `f32::floor`.
 #[inline(always)]
 pub(crate) fn floor(v: f32) -> i32 {
     let i = v as i32;
@@ -110,7 +108,7 @@ pub(crate) fn ceil(v: f32) -> usize {
     i + usize::from((i as f32) < v)
 }
 
-/// `v` less as many whole `period`s as leave it in 0..period.
+/// `v` modulo `period`, in 0..period.
 #[inline(always)]
 pub(crate) fn wrap(v: f32, period: f32) -> f32 {
     v - period * floor(v / period) as f32

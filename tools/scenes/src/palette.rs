@@ -3,7 +3,7 @@
 use crate::math::{Rgb, V3, mix, scaled, v3};
 use crate::rng::Rng;
 
-/// What kind of country the flight is over.
+/// Kind of country.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Biome {
     /// Plowed and green fields, a country road, scattered farms.

@@ -4,7 +4,7 @@ use crate::math::{Rgb, V3, cos_turns, sin_turns, v3};
 use crate::mesh::{Mesh, coat, ring, tone};
 use crate::rng::Rng;
 
-/// What one person looks like.
+/// Looks of one person.
 #[derive(Clone, Copy)]
 pub(crate) struct Look {
     shirt: Rgb,

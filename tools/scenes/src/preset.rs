@@ -1,4 +1,4 @@
-//! What the difficulties mean in numbers.
+//! The difficulties in numbers.
 
 use crate::Difficulty;
 use crate::camera::Manner;
@@ -16,7 +16,7 @@ pub(crate) struct Preset {
     /// Share of the time between frames that the shutter is open.
     pub shutter: f32,
     pub haze: (f32, f32),
-    /// Chance that something that happens to hide the target is left standing.
+    /// Chance that a thing that hides the target by accident is kept.
     pub clutter: f32,
 }
 

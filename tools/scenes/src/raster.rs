@@ -1,5 +1,4 @@
-//! Draws meshes, crowns of leaves and soft spots into a frame, and keeps account of what hides the
-//! target.
+//! Draws meshes, crowns of leaves and soft spots into a frame, and tracks the target's visibility.
 
 use crate::TruthBox;
 use crate::camera::Camera;
@@ -9,8 +8,7 @@ use crate::mesh::Mesh;
 use crate::palette::Palette;
 use crate::trees::Crown;
 
-/// Largest side, in samples, of one object's drawing; what would be larger is drawn coarser or
-/// clipped.
+/// Largest side of one object in samples; larger objects are drawn coarser or clipped.
 const MOST_SIDE: usize = 4096;
 
 /// Edges of a box in pixels, continuous.
@@ -58,7 +56,7 @@ impl Bounds {
     }
 }
 
-/// The picture in the making.
+/// The picture that is being drawn.
 pub(crate) struct Frame {
     pub width: usize,
     pub height: usize,
@@ -74,7 +72,7 @@ pub(crate) struct Mask {
     pub x0: i32,
     pub y0: i32,
     pub width: usize,
-    /// What is still seen, 0..1, row-major.
+    /// Visible share of each pixel, 0..1, row-major.
     pub seen: Vec<f32>,
     /// Pixels that the whole target covers, in view or not.
     pub total: f32,
@@ -178,7 +176,7 @@ impl Frame {
         bounds
     }
 
-    /// Draws a mesh; as the target, it also starts the frame's mask.
+    /// Draws a mesh. If it is the target, it also starts the frame's mask.
     pub fn mesh(
         &mut self,
         mesh: &Mesh,

@@ -20,7 +20,7 @@ impl SplitMix64 {
     }
 }
 
-/// Chance of a flight.
+/// The random choices of a flight.
 pub(crate) struct Rng(SplitMix64);
 
 impl Rng {

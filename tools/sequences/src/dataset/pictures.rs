@@ -95,7 +95,7 @@ fn beside<'a>(folder: &Path, tree: &'a Tree) -> Result<&'a [PathBuf], String> {
     Err(reason)
 }
 
-/// Pictures of one kind: masks or depth maps beside the frames are told apart by their extension, or
+/// Pictures of one kind. Masks or depth maps beside frames are told apart by their extension, or
 /// by `mask` in their names. The frames are the kind with as many pictures as boxes; the choice
 /// between two such kinds is noted.
 fn of_one_kind(
