@@ -1,6 +1,7 @@
 //! Weights survive the roundtrip, through memory and through files.
 
-use std::{fs, path::PathBuf};
+use std::fs;
+use testing::Folder;
 use weights_format::{
     Architecture, Encoder, EncoderPosition, ReadError, Storage, Tensor, Weights, Widths, WriteError,
 };
@@ -176,49 +177,31 @@ fn weights_that_no_reader_accepts_are_not_written() {
     );
 }
 
-/// A directory of its own that goes away again.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Folder {
-        let path =
-            std::env::temp_dir().join(format!("weights-format-{}-{name}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
 #[test]
 fn file_written_over_another_replaces_it_as_a_whole() {
     let folder = Folder::new("replace");
-    let path = folder.0.join("model.safetensors");
+    let path = folder.join("model.safetensors");
     fs::write(&path, "old").unwrap();
     let weights = sample(Storage::F32);
     weights.write(&path).unwrap();
     assert_eq!(Weights::read(&path).unwrap(), weights);
-    let names: Vec<_> = fs::read_dir(&folder.0)
+    let names: Vec<_> = fs::read_dir(folder.path())
         .unwrap()
         .map(|entry| entry.unwrap().file_name())
         .collect();
     assert_eq!(names, ["model.safetensors"], "no temporary file stays");
     // The name is taken by a directory: the error names it, and again nothing stays.
-    let taken = folder.0.join("taken");
+    let taken = folder.join("taken");
     fs::create_dir(&taken).unwrap();
     let error = weights.write(&taken).unwrap_err().to_string();
     assert!(error.contains("taken: cannot be written"), "{error}");
-    assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 2);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 #[test]
 fn unreadable_file_is_named_in_the_error() {
     let folder = Folder::new("unreadable");
-    let absent = folder.0.join("absent.safetensors");
+    let absent = folder.join("absent.safetensors");
     let error = Weights::read(&absent).unwrap_err();
     assert!(matches!(&error, ReadError::File { path, .. } if *path == absent));
     assert!(
@@ -227,10 +210,10 @@ fn unreadable_file_is_named_in_the_error() {
             .contains("absent.safetensors: cannot be read: "),
         "{error}"
     );
-    let error = Weights::read(&folder.0).unwrap_err().to_string();
+    let error = Weights::read(folder.path()).unwrap_err().to_string();
     assert!(error.contains("cannot be read: "), "{error}");
     // A sparse file claims more than is ever read.
-    let huge = folder.0.join("huge.safetensors");
+    let huge = folder.join("huge.safetensors");
     fs::File::create(&huge).unwrap().set_len(1 << 40).unwrap();
     let error = Weights::read(&huge).unwrap_err().to_string();
     assert!(

@@ -4,30 +4,10 @@ mod common;
 
 use common::*;
 use converter::{Options, StateDict, Values, convert_bytes, unfold_bytes};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
+use testing::Folder;
 use weights_format::{Architecture, Encoder, InputNormalization, Unfolded, Weights, Widths};
-
-/// A folder of its own that goes away again.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("converter-{}-{name}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    fn at(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 fn run(args: &[&str]) -> (i32, String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_convert"))

@@ -7,23 +7,12 @@ use std::{
     path::{Path, PathBuf},
     process::{Command, Output},
 };
+use testing::{Folder, shared};
 use weights_format::{Architecture, Encoder, Storage, Weights, Widths};
 
-/// The real checkpoint, which not everybody has.
+/// The real checkpoint, which a clone does not have.
 fn probe() -> Option<PathBuf> {
-    let shared = std::env::var_os("TRACK_CPU_SHARED").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
-        PathBuf::from,
-    );
-    let path = shared.join("checkpoints/drmim_p50_probe.pth");
-    if path.is_file() {
-        return Some(path);
-    }
-    println!(
-        "SKIPPED: {} is not there (TRACK_CPU_SHARED names its folder)",
-        path.display()
-    );
-    None
+    shared("checkpoints/drmim_p50_probe.pth")
 }
 
 #[test]
@@ -54,23 +43,6 @@ fn a_real_checkpoint() {
     assert!(bias.iter().all(|bias| bias.abs() < 4.0), "{bias:?}");
 }
 
-/// A folder of its own that goes away again.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("converter-{}-{name}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 fn run(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_convert"))
         .args(args)
@@ -85,8 +57,7 @@ fn text(bytes: &[u8]) -> &str {
 #[test]
 fn the_program_converts() {
     let folder = Folder::new("program");
-    let [checkpoint, out] =
-        ["small.pth", "small.safetensors"].map(|name| folder.0.join(name).display().to_string());
+    let [checkpoint, out] = ["small.pth", "small.safetensors"].map(|name| folder.at(name));
     let mut dict = common::network_with_encoder();
     dict.insert(
         "dr.e1.bn.weight".into(),
@@ -137,7 +108,7 @@ fn the_program_converts() {
 #[test]
 fn the_program_says_who_is_at_fault() {
     let folder = Folder::new("codes");
-    let path = |name: &str| folder.0.join(name).display().to_string();
+    let path = |name: &str| folder.at(name);
     let (good, bad, large) = (path("good.pth"), path("bad.pth"), path("large.pth"));
     let mut dict = common::network();
     std::fs::write(&good, common::checkpoint(&dict, common::PLAIN)).unwrap();
