@@ -107,8 +107,8 @@ pub struct RunArgs {
     /// Run the i-th of n equal parts, for a job array; `ope merge` makes one of separate folders.
     #[arg(long, value_name = "i/n", default_value = "1/1")]
     pub shard: ope::run::Shard,
-    /// At a picture that this tracker cannot read: hold the last box, or stop and leave the sequence
-    /// out. Held frames are named and counted, and the exit code is 8.
+    /// At a picture that this tracker cannot read: hold the last box, or stop and leave the
+    /// sequence out. Held frames are named and counted, and the exit code is 8.
     #[arg(long, value_name = "HOW", default_value = "hold", value_parser = on_bad_frame)]
     pub on_bad_frame: OnBadFrame,
 }
@@ -264,8 +264,8 @@ pub struct ReportArgs {
     /// What the page is about.
     #[command(flatten)]
     pub trackers: TrackersArgs,
-    /// The page.
-    #[arg(short, long, value_name = "FILE", default_value = "report.html")]
+    /// The page; its name ends in .html.
+    #[arg(short, long, value_name = "FILE", default_value = "report.html", value_parser = page)]
     pub out: PathBuf,
     /// Its heading.
     #[arg(long, default_value = "Tracking, one pass")]
@@ -397,6 +397,15 @@ pub struct RenderArgs {
     /// How hard they are to follow: easy, medium or hard.
     #[arg(long, value_name = "LEVEL", default_value_t = Difficulty::Easy)]
     pub difficulty: Difficulty,
+}
+
+fn page(text: &str) -> Result<PathBuf, String> {
+    // A page never replaces an annotation or a picture.
+    if text.ends_with(".html") {
+        Ok(text.into())
+    } else {
+        Err("expected a file name that ends in .html".into())
+    }
 }
 
 fn up_to<const MOST: usize>(text: &str) -> Result<usize, String> {

@@ -17,6 +17,9 @@ pub enum Error {
         /// What the system said.
         error: io::Error,
     },
+    /// An output would destroy an input.
+    #[error(transparent)]
+    Clash(#[from] program::Clash),
     /// A sequence cannot be tracked.
     #[error("{sequence}: {reason}")]
     Sequence {

@@ -24,7 +24,7 @@ pub enum Layout {
 /// Writes all results below `out` and returns the number of sequences.
 ///
 /// # Errors
-/// If a file cannot be used, or there are no results.
+/// If a file cannot be used, if there are no results, or if an output would replace one of them.
 pub fn export(
     results: &Results,
     layout: Layout,
@@ -39,6 +39,12 @@ pub fn export(
             "results <sequence>.txt",
             "none",
         ));
+    }
+    // All outputs are checked before the first is written.
+    for name in &names {
+        let (boxes_file, _) = files(layout, dataset, tracker, name);
+        let output = out.join(boxes_file);
+        program::check_outputs(&[("--out", &output)], &[results.folder()])?;
     }
     for name in &names {
         let boxes = results.boxes(name)?.unwrap_or_default();
@@ -146,6 +152,16 @@ mod tests {
                 "{layout:?}"
             );
         }
+        let own = export(
+            &results,
+            Layout::Visdrone,
+            Dataset::Visdrone,
+            "me",
+            results.folder(),
+        );
+        assert!(own.unwrap_err().to_string().contains("nothing was written"));
+        let read = fs::read_to_string(folder.join("found/a.txt")).unwrap();
+        assert!(read.starts_with("1,2,3,4\n"), "{read}");
         let empty = Results::create(&folder.path().join("none")).unwrap();
         assert!(export(&empty, Layout::Pysot, Dataset::Dtb70, "me", &out).is_err());
     }

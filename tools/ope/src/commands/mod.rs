@@ -23,7 +23,7 @@ pub fn exit(error: &Error) -> ExitCode {
             return ExitCode::SUCCESS;
         }
         Error::Unwritable { .. } => Exit::Output,
-        Error::Option { .. } => Exit::Usage,
+        Error::Option { .. } | Error::Clash(_) => Exit::Usage,
         Error::Model(_) => Exit::Model,
         Error::BadFrames { .. } => Exit::Frames,
         _ => Exit::Input,
