@@ -61,17 +61,18 @@ class Camera:
     def __init__(self, program, *options, port=None):
         self.port = port or free_port()
         self.empty, self.shown = patchwork()
-        self.visible, self.ended = True, False
+        self.visible, self.ended, self.hangs = True, False, False
         command = [program, "serve", "--input", "-", "--raw", f"{WIDTH}x{HEIGHT}", "--pix", "bgr24", "--quiet"]
-        command += ["--max-age-ms", "5000", "--mavlink", f"udpout:127.0.0.1:{self.port}", *options]
+        command += ["--max-age-ms", "2000", "--stall-ms", "8000", "--mavlink", f"udpout:127.0.0.1:{self.port}", *options]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
         threading.Thread(target=self.feed, daemon=True).start()
 
     def feed(self):
         while not self.ended:
             try:
-                self.process.stdin.write(self.shown if self.visible else self.empty)
-                self.process.stdin.flush()
+                if not self.hangs:
+                    self.process.stdin.write(self.shown if self.visible else self.empty)
+                    self.process.stdin.flush()
             except OSError:
                 return
             time.sleep(1 / RATE)
@@ -80,6 +81,11 @@ class Camera:
         """Resident memory in MB."""
         with open(f"/proc/{self.process.pid}/status") as status:
             return next(int(line.split()[1]) for line in status if line.startswith("VmRSS")) / 1024
+
+    def handles(self):
+        """Threads and open files."""
+        folder = f"/proc/{self.process.pid}"
+        return len(os.listdir(f"{folder}/task")) + len(os.listdir(f"{folder}/fd"))
 
     def end(self):
         self.process.terminate()
@@ -138,7 +144,8 @@ class Station:
         return None
 
     def result(self, command, seconds=20):
-        ack = self.wait("COMMAND_ACK", seconds, lambda ack: ack.command == command)
+        final = lambda ack: ack.command == command and ack.result != M.MAV_RESULT_IN_PROGRESS
+        ack = self.wait("COMMAND_ACK", seconds, final)
         return None if ack is None else ack.result
 
     def status(self, accept=lambda status: True, seconds=30):
@@ -153,7 +160,8 @@ def dialogue(program):
     for name, command in (("new", (M.MAV_CMD_REQUEST_MESSAGE, 259)), ("old", (M.MAV_CMD_REQUEST_CAMERA_INFORMATION, 1))):
         station.command(*command)
         information = station.wait("CAMERA_INFORMATION")
-        check(f"camera information in the {name} form", information is not None and information.flags & 1792 == 1792)
+        good = information is not None and information.flags & 1793 == 1792 and information.resolution_h == WIDTH
+        check(f"camera information in the {name} form, with the size", good)
     station.command(M.MAV_CMD_REQUEST_MESSAGE, 269)
     stream = station.wait("VIDEO_STREAM_INFORMATION")
     check("video stream", stream is not None and stream.uri.startswith("rtsp://127.0.0.1"))
@@ -185,7 +193,7 @@ def dialogue(program):
         check(f"command {command} acknowledged as unsupported", station.result(command) == M.MAV_RESULT_UNSUPPORTED)
     station.link.mav.srcSystem = 77
     station.command(M.MAV_CMD_CAMERA_STOP_TRACKING)
-    check("a strange system id is not answered", station.result(M.MAV_CMD_CAMERA_STOP_TRACKING, 2) is None)
+    check("a strange system is denied control", station.result(M.MAV_CMD_CAMERA_STOP_TRACKING) == M.MAV_RESULT_DENIED)
     station.link.mav.srcSystem = 255
     for _ in range(50):
         station.link.write(os.urandom(60))
@@ -235,7 +243,7 @@ class Ear:
             kind, now = message.get_type(), time.time()
             before = self.heard.get(kind, now)
             self.heard[kind], self.silence[kind] = now, max(self.silence.get(kind, 0), now - before)
-            if kind == "COMMAND_ACK":
+            if kind == "COMMAND_ACK" and message.result != M.MAV_RESULT_IN_PROGRESS:
                 self.acks.append((message.command, message.result))
             if kind == "CAMERA_TRACKING_IMAGE_STATUS":
                 self.status = message.tracking_status
@@ -250,7 +258,7 @@ class Ear:
 
 
 def soak(program, seconds, options):
-    """Rounds of start, hide, show again, noise, stop over a link that loses 1 % of the packets."""
+    """Rounds of start, hide, show, noise, a camera that hangs, stop, over a link that loses 1 %."""
     station_port = free_port()
     link = LossyLink(station_port, 0.01)
     camera = Camera(program, *options, port=link.port)
@@ -259,7 +267,7 @@ def soak(program, seconds, options):
     check("heartbeat over the lossy link", ear.until(lambda: "HEARTBEAT" in ear.heard, 30))
     x, y, w, h = TARGET
     rectangle = (x / WIDTH, y / HEIGHT, (x + w) / WIDTH, (y + h) / HEIGHT)
-    end, rounds, again, faults, memory = time.time() + seconds, 0, 0, [], []
+    end, rounds, again, faults, memory, handles = time.time() + seconds, 0, 0, [], [], []
 
     def insist(command, *parameters):
         """As ground stations do: again until acknowledged."""
@@ -291,9 +299,14 @@ def soak(program, seconds, options):
         for _ in range(20):
             station.link.write(os.urandom(random.randrange(1, 300)))
         time.sleep(3)
+        camera.hangs = True  # the pipe stays open
+        expect("no error while frames have stopped", lambda: ear.status == 2)
+        camera.hangs = False
+        expect("never active after frames had stopped", lambda: ear.status == 1)
         again += insist(M.MAV_CMD_CAMERA_STOP_TRACKING)
         expect("never idle", lambda: ear.status == 0)
         memory.append(camera.resident())
+        handles.append(camera.handles())
         if rounds % 10 == 1:
             left = max(0, end - time.time())
             print(f"        round {rounds}, {memory[-1]:.1f} MB, {left:.0f} s left", file=sys.stderr, flush=True)
@@ -306,6 +319,7 @@ def soak(program, seconds, options):
     check(f"no stall: longest silence {beat:.1f} s of heartbeats, {status:.1f} s of status", beat < 5 and status < 5)
     warm = memory[len(memory) // 5 :]
     check(f"no leak: {warm[0]:.1f} MB, in the end {warm[-1]:.1f}", warm[-1] < 1.02 * warm[0] + 1)
+    check(f"threads and files stay: {handles[0]}, in the end {handles[-1]}", handles[-1] <= handles[0] + 2)
     check("ends on SIGTERM", camera.end() == 0)
 
 

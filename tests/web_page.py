@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""A browser at the web ground station of `track-cpu serve`.
+"""A browser at the web page of `track-cpu serve`.
 
-    python3 -m venv v && v/bin/pip install playwright      # and Chromium: v/bin/playwright install chromium
+    python3 -m venv v && v/bin/pip install playwright
+    v/bin/playwright install chromium
     v/bin/python tests/web_page.py target/release/track-cpu [--chromium /usr/bin/chromium]
 
-Draws a box on a rendered flight with the mouse and with a finger, watches the overlay follow, stops, tries without the
-token, and times tracking while eight more look on. Every check prints a line; the exit code is 1 if any fails. Not part of
-`cargo test`, which speaks the page's HTTP in Rust.
+Draws a box on a rendered flight with the mouse and with a finger, upright and across, zoomed and
+frozen; watches the overlay follow; stops; tries without the token; lets the source fall silent and
+the program end; and times tracking while eight more look on. Every check prints a line; the exit
+code is 1 if any fails. Not part of `cargo test`, which speaks the page's HTTP in Rust.
 """
 import argparse
 import json
@@ -34,11 +36,12 @@ def check(what, passed):
 
 
 class Program:
-    def __init__(self, program, *options):
-        command = [program, "serve", "--input", FLIGHT, "--fps", FPS, "--quiet", "--http", "127.0.0.1:0", *options]
-        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    def __init__(self, program, *options, source=("--input", FLIGHT, "--fps", FPS), **pipes):
+        command = [program, "serve", *source, "--quiet", "--http", "127.0.0.1:0", *options]
+        command += ["--model", "drmim-p82", "--max-age-ms", "2000"]
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, **pipes)
         for line in self.process.stderr:
-            if found := re.search(r"web page: (http://([^/]+)/#(\S+))", line):
+            if found := re.search(r"web page: (http://([^/]+)/#(\S+))", line.decode()):
                 self.page, self.address, self.token = found.groups()
                 break
         threading.Thread(target=lambda: [None for _ in self.process.stderr], daemon=True).start()
@@ -72,14 +75,19 @@ class Program:
 
 
 def drawn(page):
-    """Bounding box of what is drawn on the overlay, in its own pixels; None if nothing is."""
+    """Bounding box of the amber pixels on the screen, in shares of the frame; None without any."""
     return page.evaluate("""() => {
-        const c = document.getElementById("overlay"), d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
-        let [x0, y0, x1, y1] = [1e9, 1e9, -1, -1];
-        for (let y = 0; y < c.height; y++) for (let x = 0; x < c.width; x++) if (d[4 * (y * c.width + x) + 3] > 128) {
-            x0 = Math.min(x0, x); x1 = Math.max(x1, x); y0 = Math.min(y0, y); y1 = Math.max(y1, y);
+        const c = document.getElementById("screen"), at = layout(), r = c.width / c.clientWidth;
+        const d = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+        let [x0, y0, x1, y1, n] = [1e9, 1e9, -1, -1, 0];
+        for (let y = 0; y < c.height; y++) for (let x = 0; x < c.width; x++) {
+            const i = 4 * (y * c.width + x);
+            if (d[i] === 255 && d[i + 1] === 196 && d[i + 2] === 0) {
+                x0 = Math.min(x0, x); x1 = Math.max(x1, x); y0 = Math.min(y0, y); y1 = Math.max(y1, y); n++;
+            }
         }
-        return x1 < 0 ? null : [x0 / c.width, y0 / c.height, x1 / c.width, y1 / c.height];
+        const share = (v, o, s) => (v / r - o) / s;
+        return n < 20 ? null : [share(x0, at.x, at.w), share(y0, at.y, at.h), share(x1, at.x, at.w), share(y1, at.y, at.h)];
     }""")
 
 
@@ -92,18 +100,36 @@ def shares(state):
     return x / w, y / h, (x + bw) / w, (y + bh) / h
 
 
-def desktop(browser, program):
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
-    page.goto(program.page)
-    page.wait_for_function("document.getElementById('video').naturalWidth > 0", timeout=20000)
-    view = page.locator("#overlay").bounding_box()
-    check("the video is shown", view["height"] > 300)
-    x, y = view["x"] + 0.5 * view["width"], view["y"] + 0.5 * view["height"]
-    page.mouse.move(x - 40, y - 30)
+def wait_for_video(page):
+    page.wait_for_function("shown !== null", timeout=20000)
+
+
+def frame_on_screen(page):
+    """Where the frame is in the window: left, top, width, height."""
+    view = page.locator("#screen").bounding_box()
+    at = page.evaluate("layout()")
+    return view["x"] + at["x"], view["y"] + at["y"], at["w"], at["h"]
+
+
+def drag(page, box):
+    x, y, w, h = frame_on_screen(page)
+    page.mouse.move(x + box[0] * w, y + box[1] * h)
     page.mouse.down()
-    page.mouse.move(x + 10, y + 10)
-    page.mouse.move(x + 40, y + 30)
+    page.mouse.move(x + middle(box)[0] * w, y + middle(box)[1] * h)
+    page.mouse.move(x + box[2] * w, y + box[3] * h)
     page.mouse.up()
+
+
+def desktop(browser, program):
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.goto(program.page)
+    wait_for_video(page)
+    x, y, w, h = frame_on_screen(page)
+    check("the whole video is on the screen", w > 900 and x >= 0 and x + w <= 1280 and y + h <= 720)
+    drag(page, (0.45, 0.4, 0.55, 0.55))
     check("a box drawn with the mouse starts", program.until(lambda s: s["state"] != "idle"))
     off = []
     for _ in range(20):
@@ -112,43 +138,104 @@ def desktop(browser, program):
         if box and "box" in state:
             (a, b), (c, d) = middle(box), middle(shares(state))
             off.append(max(abs(a - c), abs(b - d)))
-    check(f"the overlay follows ({len(off)} looks, at most {max(off, default=1):.3f} of the view off)", len(off) > 10 and statistics.median(off) < 0.03)
-    check("the state is told", page.inner_text("#state") != "idle" and "ms" in page.inner_text("#numbers"))
+    follows = len(off) > 10 and statistics.median(off) < 0.03
+    check(f"the overlay follows ({len(off)} looks, at most {max(off, default=1):.3f} of the view off)", follows)
+    told = page.inner_text("#state") != "idle" and "ms" in page.inner_text("#numbers")
+    check("the state is told", told and not page.is_visible("#banner"))
     page.click("#stop")
     check("stop stops", program.until(lambda s: s["state"] == "idle"))
-    page.wait_for_function("document.getElementById('state').textContent == 'idle'")
+    page.wait_for_function("document.getElementById('state').textContent === 'idle'")
+    time.sleep(0.5)
     check("nothing is drawn any more", drawn(page) is None)
+
+    page.click("#freeze")
+    page.wait_for_function("frozen")
+    check("a frozen picture has full resolution", page.evaluate("shown.bitmap.width") == 640)
+    for _ in range(3):
+        page.click("#in")
+    check("zoom enlarges", frame_on_screen(page)[2] > 3 * w)
+    number = page.evaluate("shown.frame")
+    time.sleep(1.5)
+    check("the picture stays", page.evaluate("shown.frame") == number)
+    with page.expect_request("**/start") as sent:
+        drag(page, (0.47, 0.45, 0.53, 0.52))
+    check("the box is sent with the frame it was drawn in", json.loads(sent.value.post_data)["frame"] == number)
+    check("a box in a frozen picture starts", program.until(lambda s: s["state"] != "idle"))
+    page.click("#stop")
+    check(f"no script errors {errors[:2]}", not errors)
     page.close()
 
 
-def phone(browser, program):
-    context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+def phone(browser, program, width, height):
+    context = browser.new_context(viewport={"width": width, "height": height}, has_touch=True, is_mobile=True)
     page = context.new_page()
     page.goto(program.page)
-    page.wait_for_function("document.getElementById('video').naturalWidth > 0", timeout=20000)
+    wait_for_video(page)
+    name = f"{width}x{height}"
     wide = page.evaluate("document.documentElement.scrollWidth")
-    check(f"fits a phone ({wide} of 390 pixels)", wide <= 390)
-    view = page.locator("#overlay").bounding_box()
-    page.touchscreen.tap(view["x"] + 0.5 * view["width"], view["y"] + 0.5 * view["height"])
-    check("a tap starts", program.until(lambda s: s["state"] != "idle"))
+    check(f"{name}: fits ({wide} of {width} pixels)", wide <= width)
+    x, y, w, h = frame_on_screen(page)
+    inside = x >= -1 and y >= -1 and x + w <= width + 1 and y + h <= height + 1
+    check(f"{name}: the whole video is on the screen", inside)
+    program.until(lambda s: s["state"] == "idle")
+    page.touchscreen.tap(x + 0.5 * w, y + 0.5 * h)
+    check(f"{name}: a tap starts", program.until(lambda s: s["state"] != "idle"))
     stop = page.locator("#stop").bounding_box()
-    check("the stop button is large enough for a finger", stop["height"] >= 32 and stop["width"] >= 44)
+    check(f"{name}: the stop button is large enough for a finger", stop["height"] >= 32 and stop["width"] >= 44)
+    check(f"{name}: the stop button is on the screen", stop["y"] + stop["height"] <= height)
     page.tap("#stop")
-    check("a tap stops", program.until(lambda s: s["state"] == "idle"))
+    check(f"{name}: a tap stops", program.until(lambda s: s["state"] == "idle"))
     context.close()
+
+
+def stale(browser, executable):
+    """A camera that stops, and then a program that ends."""
+    frame, running = bytes(90 for _ in range(160 * 120)), True
+    source = ("--input", "-", "--raw", "160x120", "--pix", "gray")
+    program = Program(executable, "--stall-ms", "1000", source=source, stdin=subprocess.PIPE)
+
+    def feed():
+        while running:
+            program.process.stdin.write(frame)
+            program.process.stdin.flush()
+            time.sleep(0.1)
+
+    feeder = threading.Thread(target=feed, daemon=True)
+    feeder.start()
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(program.page)
+    wait_for_video(page)
+    page.wait_for_function("document.getElementById('banner').hidden")
+    running = False
+    feeder.join()
+    said = "document.getElementById('banner').textContent"
+    page.wait_for_function(f"{said}.startsWith('No video for')", timeout=10000)
+    check("a silent source is shown as such: " + page.inner_text("#banner"), page.is_visible("#banner"))
+    program.end()
+    page.wait_for_function(f"{said}.startsWith('No connection for')", timeout=10000)
+    box = page.locator("#banner").bounding_box()
+    check("an ended program is shown as such", box["y"] < 200 and page.locator("#state").get_attribute("class") == "stale")
+    page.close()
+
+
+def rebinding(browser, program):
+    """Another site's name that leads to this machine reads nothing."""
+    port = program.address.split(":")[1]
+    page = browser.new_page()
+    answer = page.goto(f"http://evil.example:{port}/state")
+    check("another site's name is refused", answer.status == 421)
+    page.close()
 
 
 def unauthorized(browser, program):
     page = browser.new_page()
     page.goto(f"http://{program.address}/")
     page.wait_for_function("document.getElementById('note').textContent.startsWith('Watching only')")
-    view = page.locator("#overlay").bounding_box()
-    page.mouse.move(view["x"] + 100, view["y"] + 100)
-    page.mouse.down()
-    page.mouse.move(view["x"] + 200, view["y"] + 180)
-    page.mouse.up()
-    page.wait_for_function("document.getElementById('note').textContent.includes('token')")
+    wait_for_video(page)
+    drag(page, (0.45, 0.4, 0.55, 0.55))
+    time.sleep(1)
     check("without the token a box does not start", program.state()["state"] == "idle")
+    check("without the token there is no stop button", not page.is_visible("#stop"))
     page.close()
     for token in (None, "x" * 24):
         headers = {"X-Token": token} if token else {}
@@ -188,16 +275,20 @@ def viewers(program):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="A browser at the web ground station of `track-cpu serve`.")
+    parser = argparse.ArgumentParser(description="A browser at the web page of `track-cpu serve`.")
     parser.add_argument("program", nargs="?", default="target/release/track-cpu")
     parser.add_argument("--chromium", help="the browser's program, if it is not Playwright's own")
     args = parser.parse_args()
     program = Program(args.program)
+    options = ["--no-sandbox", "--host-resolver-rules=MAP evil.example 127.0.0.1"]
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=args.chromium, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=args.chromium, args=options)
         desktop(browser, program)
-        phone(browser, program)
+        phone(browser, program, 390, 844)
+        phone(browser, program, 844, 390)
         unauthorized(browser, program)
+        rebinding(browser, program)
+        stale(browser, args.program)
         browser.close()
     viewers(program)
     check("ends on SIGTERM", program.end() == 0)

@@ -10,11 +10,11 @@
 
 use std::ffi::OsStr;
 use std::io::{ErrorKind, Read};
-use std::process::{Child, ChildStderr, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStderr, ChildStdout, ExitStatus};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
-use super::LIVE_SCHEMES;
+use super::{LIVE_SCHEMES, child};
 
 /// How much of its error output is kept: the end, where the reason stands.
 const KEPT_BYTES: usize = 1000;
@@ -24,15 +24,15 @@ const KEPT_LINES: usize = 5;
 /// A running ffmpeg; killed when dropped.
 pub(super) struct Ffmpeg {
     child: Arc<Mutex<Child>>,
-    complaints: Option<JoinHandle<String>>,
+    complaints: Option<JoinHandle<Option<String>>>,
 }
 
-/// Ends an [`Ffmpeg`] from another thread.
-pub(super) struct Stopper(Arc<Mutex<Child>>);
+/// Ends a blocked read of a [`Source`](super::Source) from another thread.
+pub struct Stopper(Arc<Mutex<Child>>);
 
 impl Stopper {
     /// Kills the process, unless it is being waited for and so is about to end anyway.
-    pub(super) fn stop(&self) {
+    pub fn stop(&self) {
         if let Ok(mut child) = self.0.try_lock() {
             let _ = child.kill(); // an error means that it has ended
         }
@@ -45,7 +45,7 @@ impl Ffmpeg {
         program: &OsStr,
         location: &OsStr,
     ) -> Result<(Ffmpeg, ChildStdout), String> {
-        let mut command = Command::new(program);
+        let mut command = child::command(program);
         command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
         let has_scheme = |scheme: &str| {
             location
@@ -55,6 +55,8 @@ impl Ffmpeg {
         if LIVE_SCHEMES.into_iter().any(has_scheme) {
             // Frames at once, rather than after five seconds of probing the stream.
             command.args(["-fflags", "nobuffer", "-analyzeduration", "1000000"]);
+            // Decoding by frames keeps one frame back per thread, which costs 70 to 80 ms.
+            command.args(["-flags", "low_delay", "-thread_type", "slice"]);
         }
         if has_scheme("rtsp://") {
             // UDP loses packets, and whole frames with them.
@@ -71,11 +73,8 @@ impl Ffmpeg {
             "rgb24",
             "pipe:1",
         ]);
-        command
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| match error.kind() {
+        let started = child::start(command, read_last_words);
+        let (child, pipe, complaints) = started.map_err(|error| match error.kind() {
             ErrorKind::NotFound => {
                 "is needed to read video, but was not found: install it, put the frames into a \
                  folder, or pipe them in (--input -)"
@@ -83,10 +82,6 @@ impl Ffmpeg {
             }
             _ => format!("could not be started: {error}"),
         })?;
-        let (Some(pipe), Some(errors)) = (child.stdout.take(), child.stderr.take()) else {
-            return Err("was started without pipes".into());
-        };
-        let complaints = std::thread::spawn(move || read_last_words(errors));
         Ok((
             Ffmpeg {
                 child: Arc::new(Mutex::new(child)),
@@ -130,7 +125,7 @@ impl Ffmpeg {
         let words = self
             .complaints
             .take()
-            .and_then(|thread| thread.join().ok())
+            .and_then(|thread| thread.join().ok()?)
             .unwrap_or_default();
         if words.is_empty() {
             return words;

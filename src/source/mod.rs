@@ -24,6 +24,7 @@
 //! ```
 
 mod bad_frames;
+mod child;
 mod decode;
 mod ffmpeg;
 mod files;
@@ -41,6 +42,7 @@ pub use crate::error::SourceError;
 use crate::frame::{ChannelOrder, Frame};
 pub use bad_frames::{BadFrame, BadFrames, OnBadFrame};
 pub use decode::Decoder;
+pub use ffmpeg::Stopper;
 pub use files::is_passed_over;
 pub use pixels::{PixelFormat, RawFormat};
 pub use prefetch::Prefetch;
@@ -201,8 +203,8 @@ impl Source {
         }
     }
 
-    /// A handle that ends a blocked read from another thread.
-    fn stopper(&self) -> Option<ffmpeg::Stopper> {
+    /// A handle that ends a blocked read from another thread; inputs read by ffmpeg have one.
+    pub fn stopper(&self) -> Option<Stopper> {
         match &self.kind {
             Kind::Stream(stream) => stream.stopper(),
             _ => None,

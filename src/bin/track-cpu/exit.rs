@@ -63,14 +63,10 @@ pub enum Failure {
     /// A rendered frame is invalid.
     #[error("rendered frame: {0}")]
     Rendered(#[from] FrameError),
-    /// A flight log cannot be used.
-    #[error("{log}: {reason}")]
-    Log {
-        /// Which one, and where in it.
-        log: String,
-        /// What was expected and found.
-        reason: String,
-    },
+    /// The live program cannot start, or cannot go on.
+    #[cfg(feature = "serve")]
+    #[error(transparent)]
+    Station(#[from] station::Error),
     /// The reader of standard output has gone: a quiet end.
     #[error("standard output was closed")]
     ClosedPipe,
@@ -101,7 +97,13 @@ impl Failure {
         let exit = match self {
             Failure::ClosedPipe => return ExitCode::SUCCESS,
             Failure::Clash(_) => Exit::Usage,
-            Failure::Input(_) | Failure::Frame { .. } | Failure::Log { .. } => Exit::Input,
+            #[cfg(feature = "serve")]
+            Failure::Station(error) => match error {
+                station::Error::ClosedPipe => return ExitCode::SUCCESS,
+                station::Error::Source(_) | station::Error::File { .. } => Exit::Input,
+                station::Error::Output { .. } => Exit::Output,
+            },
+            Failure::Input(_) | Failure::Frame { .. } => Exit::Input,
             Failure::Model(_) | Failure::Presence(_) => Exit::Model,
             Failure::Output { .. } => Exit::Output,
             Failure::Target(_) | Failure::Normalized(_) => Exit::Target,

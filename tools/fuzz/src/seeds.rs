@@ -11,7 +11,9 @@ type Seeds = Vec<(&'static str, Vec<u8>)>;
 
 fn main() -> io::Result<()> {
     let Some(root) = env::args_os().nth(1).map(PathBuf::from) else {
-        return Err(io::Error::other("expected a folder to write to: seeds FOLDER"));
+        return Err(io::Error::other(
+            "expected a folder to write to: seeds FOLDER",
+        ));
     };
     let network = root.join("networks");
     fs::create_dir_all(&network)?;
@@ -37,26 +39,50 @@ fn main() -> io::Result<()> {
 
 /// The smallest network in all the files that networks come in.
 fn networks(room: &Path) -> io::Result<(Seeds, Seeds)> {
-    let widths = Widths { backbone: [2; 5], neck_cls: 2, neck_reg: 2, head_cls: [2; 3], head_reg: [2; 3] };
+    let widths = Widths {
+        backbone: [2; 5],
+        neck_cls: 2,
+        neck_reg: 2,
+        head_cls: [2; 3],
+        head_reg: [2; 3],
+    };
     let weights = Weights::random(Architecture::new(widths, Some(Encoder::standard(2))), 1);
     let dict = StateDict::of_weights(&weights);
     let written = |name: &str, written: Result<(), String>| -> io::Result<Vec<u8>> {
         written.map_err(io::Error::other)?;
         fs::read(room.join(name))
     };
-    let folded = weights.to_bytes().map_err(|error| io::Error::other(error.to_string()))?;
+    let folded = weights
+        .to_bytes()
+        .map_err(|error| io::Error::other(error.to_string()))?;
     let torch = "folded.pth";
-    let torch = written(torch, dict.write(&room.join(torch)).map_err(|error| error.to_string()))?;
+    let torch = written(
+        torch,
+        dict.write(&room.join(torch))
+            .map_err(|error| error.to_string()),
+    )?;
     let names = "names.safetensors";
-    let names = written(names, dict.write(&room.join(names)).map_err(|error| error.to_string()))?;
+    let names = written(
+        names,
+        dict.write(&room.join(names))
+            .map_err(|error| error.to_string()),
+    )?;
     let unfolded = converter::unfold_bytes(&torch, &Default::default())
         .map_err(|error| io::Error::other(error.to_string()))?
         .unfolded;
     let trainer = "trainer.safetensors";
-    let trainer =
-        written(trainer, Unfolded::write(&unfolded, &room.join(trainer)).map_err(|error| error.to_string()))?;
-    let weights = vec![("folded.safetensors", folded), ("trainer.safetensors", trainer)];
-    Ok((weights, vec![("folded.pth", torch), ("names.safetensors", names)]))
+    let trainer = written(
+        trainer,
+        Unfolded::write(&unfolded, &room.join(trainer)).map_err(|error| error.to_string()),
+    )?;
+    let weights = vec![
+        ("folded.safetensors", folded),
+        ("trainer.safetensors", trainer),
+    ];
+    Ok((
+        weights,
+        vec![("folded.pth", torch), ("names.safetensors", names)],
+    ))
 }
 
 fn trax() -> Seeds {
@@ -101,31 +127,42 @@ fn mavlink() -> Seeds {
         long(2004, [0.5, 0.5, 0.1, 0.0, nan, 0.0, 0.0]),
         long(2010, [0.0; 7]),
     ];
-    let asking =
-        [521, 512, 183, 2504, 100].map(|command| long(command, [259.0, 1.0, 0.0, nan, 0.0, 0.0, 0.0]));
+    let asking = [521, 512, 183, 2504, 100]
+        .map(|command| long(command, [259.0, 1.0, 0.0, nan, 0.0, 0.0, 0.0]));
     let mut whole = vec![0xfe, 9, 0, 255, 190, 0, 0, 0, 0, 0, 6, 8, 0, 4, 3];
     whole.extend([0x1c, 0x3a]);
-    vec![("tracking", list(&tracking)), ("asking", list(&asking)), ("heartbeat", whole)]
+    vec![
+        ("tracking", list(&tracking)),
+        ("asking", list(&asking)),
+        ("heartbeat", whole),
+    ]
 }
 
 fn http() -> Seeds {
     let post = |path: &str, token: &str, body: &str| {
         let size = body.len();
-        format!("POST {path} HTTP/1.1\r\nHost: a\r\nX-Token: {token}\r\nContent-Length: {size}\r\n\r\n{body}")
+        let head = format!("POST {path} HTTP/1.1\r\nHost: a\r\nX-Token: {token}\r\n");
+        format!("{head}Content-Length: {size}\r\n\r\n{body}")
             .into()
     };
     let rectangle = r#"{"rectangle": [0.1, 0.2, 0.4, 5e-1]}"#;
     vec![
         ("page", b"GET / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n".to_vec()),
-        ("state", b"GET /state?x=1 HTTP/1.0\r\n\r\nGET /events HTTP/1.1\r\nHost: a\r\n\r\n".to_vec()),
+        (
+            "state",
+            b"GET /state?x=1 HTTP/1.0\r\n\r\nGET /events HTTP/1.1\r\nHost: a\r\n\r\n".to_vec(),
+        ),
         ("video", b"GET /video HTTP/1.1\r\nHost: a\r\n\r\n".to_vec()),
         ("start", post("/start", "fuzz-token", rectangle)),
-        ("point", post("/start", "fuzz-token", r#"{"point": [0.5, 0.5]}"#)),
+        ("point", post("/start", "fuzz-token", r#"{"point": [0.5, 0.5], "frame": 7}"#)),
+        ("frame", b"GET /frame?token=fuzz-token HTTP/1.1\r\nHost: localhost\r\n\r\n".to_vec()),
+        ("head", b"HEAD / HTTP/1.1\r\nHost: [::1]:80\r\n\r\n".to_vec()),
         ("refused", post("/start", "wrong", rectangle)),
         ("stop", post("/stop", "fuzz-token", "")),
         (
             "chunked",
-            b"POST /start HTTP/1.1\r\nX-Token: fuzz-token\r\nTransfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n\r\n"
+            b"POST /start HTTP/1.1\r\nX-Token: fuzz-token\r\n\
+              Transfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n\r\n"
                 .to_vec(),
         ),
     ]

@@ -14,6 +14,10 @@ fuzz_target!(|bytes: &[u8]| {
             let _ = Picture::parse(argument);
         }
         let again = Message::parse(&message.to_string());
-        assert_eq!(again.and_then(Result::ok).as_ref(), Some(&message), "written and read again");
+        assert_eq!(
+            again.and_then(Result::ok).as_ref(),
+            Some(&message),
+            "written and read again"
+        );
     }
 });

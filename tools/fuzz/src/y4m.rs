@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 use track_cpu::source::{Input, Source};
 
-static FILE: LazyLock<PathBuf> =
-    LazyLock::new(|| std::env::temp_dir().join(format!("track-cpu-fuzz-{}.y4m", std::process::id())));
+static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
+    std::env::temp_dir().join(format!("track-cpu-fuzz-{}.y4m", std::process::id()))
+});
 
 fuzz_target!(|bytes: &[u8]| {
     std::fs::write(&*FILE, bytes).expect("a folder for temporary files");

@@ -3,23 +3,30 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use track_cpu::BBox;
+use serde_json::json;
+use station::http::HttpOptions;
+use station::log::{self, LogOptions};
+use station::mavlink::MavlinkOptions;
+use station::{FrameBox, Limits, Options};
 use track_cpu::source::{PixelFormat, RawFormat};
+use track_cpu::{BBox, Model};
 
-use crate::args::engine::model_help;
-use crate::args::{EngineArgs, Mode, bbox, pixel_format, size};
+use crate::args::{EngineArgs, Mode, ModelArg, bbox, pixel_format, size};
 
 const EXAMPLES: &str = "\
 Examples:
   track-cpu serve --input /dev/video0 --http 127.0.0.1:8080
-  track-cpu serve --input rtsp://192.168.1.10/main --mavlink udpout:192.168.1.2:14550 --log flight.jsonl
+  track-cpu serve --input rtsp://192.168.1.10/main --mavlink udpout:192.168.1.2:14550 \\
+      --log flight.jsonl
   track-cpu serve --input flight:seed=3,difficulty=hard,size=1280x720 --init 600,320,60,40
 
-Inputs: a V4L2 camera (/dev/videoN), anything that `track` reads (videos and URLs through the ffmpeg on your PATH, folders,
-- for standard input), or a rendered flight, flight:[seed=N],[difficulty=easy|medium|hard],[size=WxH],[frames=N].
+Inputs: a V4L2 camera (/dev/videoN); anything that `track` reads (videos and URLs through the ffmpeg
+on your PATH, folders, - for standard input); or a rendered flight,
+flight:[seed=N],[difficulty=easy|medium|hard],[size=WxH],[frames=N].
 
-Only the newest frame is tracked; the others are counted as dropped. One JSON object per tracked frame goes to standard
-output. SIGTERM and SIGINT end it in order.";
+Only the newest frame is tracked; the others are counted as dropped. One JSON object per tracked
+frame goes to standard output. A camera or stream that fails, ends or falls silent is opened again.
+SIGTERM and SIGINT end the program in order.";
 
 /// `serve`.
 #[derive(Debug, clap::Args)]
@@ -34,7 +41,8 @@ pub struct ServeArgs {
     /// Pixel format of headerless frames on standard input.
     #[arg(long, value_name = "FORMAT", value_parser = pixel_format, requires = "raw")]
     pub pix: Option<PixelFormat>,
-    /// Frames per second of files, folders and rendered flights; cameras and streams have their own.
+    /// Frames per second of files, folders and rendered flights; cameras and streams have their
+    /// own.
     #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = rate)]
     pub fps: f64,
     /// Track every frame, however long that takes; for files.
@@ -43,39 +51,123 @@ pub struct ServeArgs {
     /// Target in the first frame: left, top, width, height in pixels; without it a client starts.
     #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
     pub init: Option<BBox>,
-    #[doc = "The model."]
-    #[arg(short, long, value_name = "FILE|NAME", help = model_help())]
-    pub model: Option<PathBuf>,
+    /// The model.
+    #[command(flatten)]
+    pub model: ModelArg,
     /// What follows the target.
     #[arg(long, value_enum, default_value_t = Mode::Flight)]
     pub mode: Mode,
     /// Time for one frame; the search for a lost target uses what is left of it.
     #[arg(long, value_name = "MS", default_value = "33", value_parser = milliseconds)]
     pub deadline_ms: Duration,
-    /// Results of frames older than this are never reported.
+    /// Age of a frame from which on its result is withheld, and nothing moves by it.
     #[arg(long, value_name = "MS", default_value = "250", value_parser = milliseconds)]
     pub max_age_ms: Duration,
-    /// Send every JSON line to this address as well, a UDP datagram each.
+    /// Silence from which on the source is stalled: outputs say so, and a camera or stream is
+    /// opened again.
+    #[arg(long, value_name = "MS", default_value = "2000", value_parser = milliseconds)]
+    pub stall_ms: Duration,
+    /// Send every JSON line to this address as well, one UDP datagram each.
     #[arg(long, value_name = "ADDR")]
     pub udp: Option<String>,
-    /// No JSON lines on standard output.
+    /// Write no JSON lines to standard output.
     #[arg(long)]
     pub quiet: bool,
-    /// Write a log that `track-cpu replay` can follow.
-    #[arg(long, value_name = "FILE")]
-    pub log: Option<PathBuf>,
-    /// Save every tracked frame into this folder beside the log, for sources that cannot be read twice.
-    #[arg(long, value_name = "DIR", requires = "log")]
-    pub log_frames: Option<PathBuf>,
-    /// How the network is run.
+    /// How the network runs.
     #[command(flatten)]
     pub engine: EngineArgs,
+    /// The flight log.
+    #[command(flatten)]
+    pub log: LogArgs,
     /// MAVLink camera.
     #[command(flatten)]
-    pub mavlink: super::mavlink::MavlinkArgs,
-    /// Web ground station.
+    pub mavlink: MavlinkArgs,
+    /// Web page.
     #[command(flatten)]
-    pub http: super::http::HttpArgs,
+    pub http: HttpArgs,
+}
+
+/// Options of the flight log.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Flight log")]
+pub struct LogArgs {
+    /// Write a log that `track-cpu replay` can follow; an earlier flight's log is kept, and the new
+    /// one gets a number.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Save every tracked frame into this folder, for sources that cannot be read twice; an earlier
+    /// flight's folder is kept, and the new one gets a number.
+    #[arg(long, value_name = "DIR", requires = "log")]
+    log_frames: Option<PathBuf>,
+    /// Size from which on the log goes on in a new file.
+    #[arg(long, value_name = "MB", default_value_t = 64, requires = "log",
+        value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    log_size: u64,
+    /// Size of all logs of this name, above which the oldest ones are removed.
+    #[arg(long, value_name = "MB", default_value_t = 1024, requires = "log",
+        value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    log_total: u64,
+}
+
+/// Options of the MAVLink camera.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "MAVLink")]
+pub struct MavlinkArgs {
+    /// Be a MAVLink camera on this link: udpout:HOST:PORT, udpin:HOST:PORT, tcpout:HOST:PORT,
+    /// tcpin:HOST:PORT or serial:/dev/ttyX:BAUD. May be repeated; the first link leads to the
+    /// vehicle, and gets gimbal rates and landing targets.
+    #[arg(long, value_name = "ADDR")]
+    mavlink: Vec<String>,
+    /// System id, which is the vehicle's.
+    #[arg(long, value_name = "N", default_value_t = 1,
+        value_parser = clap::value_parser!(u8).range(1..))]
+    mav_system: u8,
+    /// Component id; cameras have 100 to 105.
+    #[arg(long, value_name = "N", default_value_t = 100,
+        value_parser = clap::value_parser!(u8).range(7..))]
+    mav_component: u8,
+    /// System ids that may start, stop and set intervals, besides our own; all others may only ask.
+    #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "255")]
+    mav_allow: Vec<u8>,
+    /// File with the signing key, 32 bytes or 64 hexadecimal digits; unsigned messages are then
+    /// refused.
+    #[arg(long, value_name = "FILE", requires = "mavlink")]
+    mav_key: Option<PathBuf>,
+    /// Where ground stations get the video, told to them as it is (rtsp://...).
+    #[arg(long, value_name = "URI", value_parser = uri)]
+    video_uri: Option<String>,
+    /// Keep the target in the middle with gimbal rates.
+    #[arg(long, requires_all = ["mavlink", "hfov"])]
+    gimbal: bool,
+    /// Send LANDING_TARGET with the angles to the target.
+    #[arg(long, requires_all = ["mavlink", "hfov"])]
+    landing_target: bool,
+    /// Horizontal field of view of the camera in degrees.
+    #[arg(long, value_name = "DEG", value_parser = field_of_view)]
+    hfov: Option<f64>,
+}
+
+/// Options of the web page.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Web page")]
+pub struct HttpArgs {
+    /// Serve the web page here, such as 127.0.0.1:8080; other addresses than this machine's own
+    /// need a token.
+    #[arg(long, value_name = "ADDR")]
+    http: Option<String>,
+    /// File that holds what starts and stops need; made up and shown if absent.
+    #[arg(long, value_name = "FILE", requires = "http", conflicts_with = "token")]
+    token_file: Option<PathBuf>,
+    /// The token itself; other users of this machine can see it.
+    #[arg(long, value_name = "TEXT", requires = "http", value_parser = token)]
+    token: Option<String>,
+    /// Watching needs the token as well.
+    #[arg(long, requires = "http")]
+    private: bool,
+    /// A host name under which the page may be opened; addresses, localhost and this machine's own
+    /// name are known. May be repeated.
+    #[arg(long, value_name = "HOST", requires = "http")]
+    http_name: Vec<String>,
 }
 
 impl ServeArgs {
@@ -88,15 +180,90 @@ impl ServeArgs {
             pixels,
         })
     }
+
+    /// How the station is to run; `repeats` if the input can be read again from its beginning.
+    pub fn options(&self, model: &Model, repeats: bool) -> Options {
+        let head = json!({
+            "log": "track-cpu",
+            "version": log::VERSION,
+            "input": self.input.display().to_string(),
+            "repeats": repeats,
+            "model": self.model.name().map(|path| path.display().to_string()),
+            "weights": model.header().provenance.name,
+            "isa": self.engine.isa().name(),
+            "precision": model.precision().name(),
+            "correction": model.config().correction,
+            "template_update": model.config().template_update,
+            "online_filter": model.config().online_filter,
+            "mode": self.mode.name(),
+        });
+        Options {
+            every_frame: self.every_frame,
+            deadline: self.deadline_ms,
+            limits: Limits {
+                max_age: self.max_age_ms,
+                stall: self.stall_ms,
+            },
+            init: self.init.map(|b| FrameBox::new(b.x, b.y, b.w, b.h)),
+            print: !self.quiet,
+            udp: self.udp.clone(),
+            log: self.log.options(),
+            head,
+            mavlink: self.mavlink.options(),
+            http: self.http.options(),
+        }
+    }
+}
+
+impl LogArgs {
+    fn options(&self) -> Option<LogOptions> {
+        Some(LogOptions {
+            path: self.log.clone()?,
+            frames: self.log_frames.clone(),
+            max_file: self.log_size << 20,
+            max_total: self.log_total << 20,
+        })
+    }
+}
+
+impl MavlinkArgs {
+    fn options(&self) -> MavlinkOptions {
+        MavlinkOptions {
+            links: self.mavlink.clone(),
+            system: self.mav_system,
+            component: self.mav_component,
+            allow: self.mav_allow.clone(),
+            key: self.mav_key.clone(),
+            video_uri: self.video_uri.clone(),
+            gimbal: self.gimbal,
+            landing_target: self.landing_target,
+            hfov: self.hfov,
+        }
+    }
+}
+
+impl HttpArgs {
+    fn options(&self) -> HttpOptions {
+        HttpOptions {
+            address: self.http.clone(),
+            token: self.token.clone(),
+            token_file: self.token_file.clone(),
+            private: self.private,
+            names: self.http_name.clone(),
+        }
+    }
 }
 
 /// `replay`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Tracks the log's frames again, with the same commands at the same frames and as many searches, and compares every box
-bit by bit. Prints one JSON object: frames, differing, first_difference. Ends with code 7 if any box differs.
+Tracks the log's frames again, with the same commands at the same frames and as many searches, and
+compares every box bit by bit. Prints one JSON object: frames, skipped, differing, first_difference.
+Ends with code 7 if any box differs.
 
-Frames come from --frames (what serve --log-frames saved), else from the log's own input, if it can be read again.")]
+Frames come from --frames (what serve --log-frames saved), else from the log's own input, else from
+the folder that the log names. A log that goes on in further files is followed through them. A log
+whose earlier files are gone is compared from its first start on; the frames before are skipped.")]
 pub struct ReplayArgs {
     /// Log that `serve --log` wrote.
     #[arg(value_name = "LOG")]
@@ -121,4 +288,25 @@ fn rate(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|fps| (0.1..=1000.0).contains(fps))
         .ok_or("expected a number from 0.1 to 1000".into())
+}
+
+fn token(text: &str) -> Result<String, String> {
+    station::http::check_token(text)?;
+    Ok(text.into())
+}
+
+/// A URI that fits into VIDEO_STREAM_INFORMATION.
+fn uri(text: &str) -> Result<String, String> {
+    if text.len() <= 159 {
+        Ok(text.into())
+    } else {
+        Err("expected at most 159 bytes".into())
+    }
+}
+
+fn field_of_view(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|degrees| (1.0..=170.0).contains(degrees))
+        .ok_or("expected degrees from 1 to 170".into())
 }

@@ -1,72 +1,109 @@
 //! The tracker of `serve` and `replay`: one way to run a frame, so that both do exactly the same.
 
-use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
-use track_cpu::{BBox, Frame, Model, State, TrackError};
+use std::time::Duration;
 
-use super::report::Tracked;
+use station::{Candidate, Engine, FrameBox, Order, Picture, State, Tracked};
+use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
+use track_cpu::{BBox, ChannelOrder, Frame, Model};
+
 use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 
 /// A tracker that may have no target.
-pub struct Engine {
+pub struct TrackerEngine {
     tracker: FlightTracker,
     mode: Mode,
 }
 
-impl Engine {
+impl TrackerEngine {
     /// # Errors
     /// If the model's presence coefficients are wrong.
-    pub fn new(model: Model, args: &EngineArgs, mode: Mode) -> Result<Engine, Failure> {
-        let (threads, cores) = (args.threads, args.cores());
+    pub fn new(model: Model, args: &EngineArgs, mode: Mode) -> Result<TrackerEngine, Failure> {
         let conduct = match mode {
             Mode::Flight => Conduct::Recover,
             Mode::Plain => Conduct::Tell,
         };
         let options = FlightOptions {
-            threads,
-            cores,
+            threads: args.threads,
+            cores: args.cores(),
             conduct,
             ..FlightOptions::new(&model)
         };
-        Ok(Engine {
+        Ok(TrackerEngine {
             tracker: FlightTracker::new(model, options)?,
             mode,
         })
     }
 
-    /// Takes a target.
-    ///
-    /// # Errors
-    /// If the box is none or lies outside the frame; an earlier target is kept.
-    pub fn start(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<Tracked, TrackError> {
-        self.tracker.init(frame, bbox)?;
-        let state = State::Tracking;
-        Ok(Tracked {
-            bbox,
-            presence: Some(1.0),
-            score: 1.0,
-            state,
-            searches: 0,
-            candidates: Vec::new(),
+    /// Finds the target in the next picture, with this budget for the search of a lost one.
+    pub fn find(&mut self, picture: &Picture, budget: Budget) -> Option<Tracked> {
+        let frame = frame(picture).ok()?;
+        let track = self.tracker.update(&frame, budget).ok()?;
+        let tells_state = self.mode == Mode::Flight;
+        // The first candidate is the choice itself.
+        let others = self.tracker.candidates().iter().skip(1);
+        Some(Tracked {
+            bbox: to_frame_box(track.bbox),
+            presence: tells_state.then_some(track.presence),
+            score: track.score,
+            state: if tells_state {
+                state(track.state)
+            } else {
+                State::Tracking
+            },
+            searches: track.searches,
+            others: others
+                .map(|other| Candidate {
+                    bbox: to_frame_box(other.bbox),
+                    score: other.score,
+                    similarity: other.similarity,
+                })
+                .collect(),
         })
     }
+}
 
-    /// Forgets the target.
-    pub fn stop(&mut self) {
+impl Engine for TrackerEngine {
+    fn start(&mut self, picture: &Picture, target: FrameBox) -> Result<Tracked, String> {
+        let bbox = BBox::new(target.x, target.y, target.w, target.h);
+        self.tracker
+            .init(&frame(picture)?, bbox)
+            .map_err(|error| error.to_string())?;
+        Ok(Tracked::certain(target))
+    }
+
+    fn stop(&mut self) {
         self.tracker.stop();
     }
 
-    /// Follows the target, if there is one.
-    pub fn follow(&mut self, frame: &Frame<'_>, budget: Budget) -> Option<Tracked> {
-        let track = self.tracker.update(frame, budget).ok()?;
-        let paper = self.mode == Mode::Plain;
-        Some(Tracked {
-            bbox: track.bbox,
-            presence: (!paper).then_some(track.presence),
-            score: track.score,
-            state: if paper { State::Tracking } else { track.state },
-            searches: track.searches,
-            candidates: self.tracker.candidates().to_vec(),
-        })
+    fn follow(&mut self, picture: &Picture, budget: Duration) -> Option<Tracked> {
+        self.find(picture, Budget::Deadline(budget))
+    }
+}
+
+/// The picture as the tracker takes it.
+fn frame(picture: &Picture) -> Result<Frame<'_>, String> {
+    let order = match picture.order {
+        Order::Gray => ChannelOrder::Gray,
+        Order::Rgb => ChannelOrder::Rgb,
+        Order::Bgr => ChannelOrder::Bgr,
+        Order::Rgba => ChannelOrder::Rgba,
+        Order::Bgra => ChannelOrder::Bgra,
+    };
+    Frame::new(&picture.data, picture.width, picture.height, order)
+        .map_err(|error| error.to_string())
+}
+
+fn to_frame_box(bbox: BBox) -> FrameBox {
+    FrameBox::new(bbox.x, bbox.y, bbox.w, bbox.h)
+}
+
+fn state(state: track_cpu::State) -> State {
+    match state {
+        track_cpu::State::Tracking => State::Tracking,
+        track_cpu::State::LowConfidence => State::LowConfidence,
+        track_cpu::State::Coasting => State::Coasting,
+        track_cpu::State::Lost => State::Lost,
+        track_cpu::State::Reacquired => State::Reacquired,
     }
 }

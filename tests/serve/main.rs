@@ -1,0 +1,17 @@
+//! `serve` and `replay` as programs, with everything around them that may fail.
+//!
+//! | file | what is tested |
+//! |---|---|
+//! | `faults.rs` | frames stop, disks fill, links break, viewers sleep, the program is killed |
+//! | `log.rs` | a flight done again, box for box |
+//! | `mavlink.rs` | MAVLink as ground stations speak it |
+//! | `page.rs` | the web page |
+//! | `support.rs` | running programs, a camera on a pipe, a ground station |
+
+#![cfg(all(feature = "serve", unix))]
+
+mod faults;
+mod log;
+mod mavlink;
+mod page;
+mod support;

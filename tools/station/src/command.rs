@@ -1,0 +1,269 @@
+//! What clients may ask for, and what becomes of it.
+
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
+
+use crate::hub::lock;
+use crate::picture::FrameBox;
+
+/// How long a command may wait to be carried out.
+pub const LIFETIME: Duration = Duration::from_secs(2);
+
+/// Side of the box around a point without a radius, as a share of the frame's height.
+const POINT_SIDE: f32 = 0.12;
+/// Smallest side of a box in pixels.
+const MIN_SIDE: f32 = 2.0;
+/// Share of the frame's width and height from which on a box is the whole frame.
+const WHOLE: f32 = 0.95;
+
+/// What is to be followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// What is inside this rectangle: left, top, right, bottom as shares of width and height.
+    Rectangle([f32; 4]),
+    /// What is at this point, in shares of width and height.
+    Point {
+        /// Share of the width.
+        x: f32,
+        /// Share of the height.
+        y: f32,
+        /// Radius of the object as a share of the width, if it is known.
+        radius: Option<f32>,
+    },
+    /// What is inside this box of frame pixels.
+    Pixels(FrameBox),
+}
+
+impl Target {
+    /// The box in pixels of a frame of this size.
+    ///
+    /// # Errors
+    /// If the box is too small, the whole frame, or outside of the frame.
+    pub fn in_frame(&self, (width, height): (usize, usize)) -> Result<FrameBox, String> {
+        let (w, h) = (width as f32, height as f32);
+        let bbox = match *self {
+            Target::Rectangle([x1, y1, x2, y2]) => {
+                let (left, right) = (x1.min(x2) * w, x1.max(x2) * w);
+                let (top, bottom) = (y1.min(y2) * h, y1.max(y2) * h);
+                FrameBox::new(left, top, right - left, bottom - top)
+            }
+            Target::Point { x, y, radius } => {
+                let side = radius
+                    .filter(|radius| *radius > 0.0)
+                    .map_or(POINT_SIDE * h, |radius| 2.0 * radius.min(0.5) * w)
+                    .max(8.0);
+                FrameBox::new(x * w - side / 2.0, y * h - side / 2.0, side, side)
+            }
+            // Whoever names pixels knows the frame; the tracker judges the box.
+            Target::Pixels(bbox) => return Ok(bbox),
+        };
+        if bbox.w < MIN_SIDE || bbox.h < MIN_SIDE {
+            return Err(format!(
+                "a box of {:.1}x{:.1} pixels, expected sides of at least {MIN_SIDE}",
+                bbox.w, bbox.h
+            ));
+        }
+        if bbox.w > WHOLE * w && bbox.h > WHOLE * h {
+            return Err("the box is the whole frame, expected an object in it".into());
+        }
+        Ok(bbox)
+    }
+}
+
+/// What a client may ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// Follow something.
+    Start {
+        /// What.
+        target: Target,
+        /// The frame in which the client saw it; `None` for the newest.
+        frame: Option<u64>,
+    },
+    /// Follow nothing.
+    Stop,
+}
+
+impl Command {
+    /// Whether it can only be carried out on a frame.
+    pub fn needs_frames(&self) -> bool {
+        matches!(self, Command::Start { .. })
+    }
+
+    /// Checks that its numbers make sense.
+    ///
+    /// # Errors
+    /// If a number is not finite or far outside of the frame, or the box is empty.
+    pub fn check(&self) -> Result<(), String> {
+        let Command::Start { target, .. } = self else {
+            return Ok(());
+        };
+        let within = |share: &f32| (-0.05..=1.05).contains(share);
+        let is_sound = match target {
+            Target::Rectangle(r) => r.iter().all(within) && r[0] != r[2] && r[1] != r[3],
+            Target::Point { x, y, .. } => within(x) && within(y),
+            Target::Pixels(bbox) => bbox.is_finite() && bbox.w > 0.0 && bbox.h > 0.0,
+        };
+        if is_sound {
+            Ok(())
+        } else {
+            Err("expected a rectangle or point within the frame".into())
+        }
+    }
+}
+
+/// What became of a command.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// It was carried out.
+    Done,
+    /// It cannot be carried out, for this reason; an earlier target is followed on.
+    Refused(String),
+    /// The source delivers no frames.
+    NoFrames,
+    /// No frame came within [`LIFETIME`].
+    Expired,
+    /// Too many commands wait.
+    Busy,
+}
+
+impl Outcome {
+    /// A sentence for people.
+    pub fn words(&self) -> String {
+        match self {
+            Outcome::Done => "done".into(),
+            Outcome::Refused(reason) => format!("refused: {reason}"),
+            Outcome::NoFrames => "refused: the source delivers no frames".into(),
+            Outcome::Expired => "refused: no frame came in time".into(),
+            Outcome::Busy => "refused: too many commands wait".into(),
+        }
+    }
+}
+
+type Shared = Arc<(Mutex<Option<Outcome>>, Condvar)>;
+
+/// A client's side of a command.
+#[derive(Clone, Debug)]
+pub struct Receipt(Shared);
+
+impl Receipt {
+    /// A receipt whose outcome is known.
+    pub fn resolved(outcome: Outcome) -> Receipt {
+        Receipt(Arc::new((Mutex::new(Some(outcome)), Condvar::new())))
+    }
+
+    /// The outcome, once it is known.
+    pub fn outcome(&self) -> Option<Outcome> {
+        lock(&self.0.0).clone()
+    }
+
+    /// Waits for the outcome; a command that nobody resolves has expired.
+    pub fn wait(&self, patience: Duration) -> Outcome {
+        let (outcome, known) = &*self.0;
+        let waited = known.wait_timeout_while(lock(outcome), patience, |outcome| outcome.is_none());
+        let outcome = waited
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .0
+            .clone();
+        outcome.unwrap_or(Outcome::Expired)
+    }
+}
+
+/// The tracking thread's side of a command.
+#[derive(Debug)]
+pub struct Pending {
+    /// The command.
+    pub command: Command,
+    until: Instant,
+    receipt: Shared,
+}
+
+impl Pending {
+    /// A command that waits from now on, and its receipt.
+    pub(crate) fn new(command: Command, now: Instant) -> (Pending, Receipt) {
+        let shared: Shared = Arc::default();
+        let pending = Pending {
+            command,
+            until: now + LIFETIME,
+            receipt: Arc::clone(&shared),
+        };
+        (pending, Receipt(shared))
+    }
+
+    /// Whether it has waited too long.
+    pub fn is_expired(&self, now: Instant) -> bool {
+        now >= self.until
+    }
+
+    /// Tells the client what became of it.
+    pub fn resolve(&self, outcome: Outcome) {
+        *lock(&self.receipt.0) = Some(outcome);
+        self.receipt.1.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn target_in_shares_becomes_a_box_in_pixels() {
+        let size = (200, 100);
+
+        let rectangle = Target::Rectangle([0.75, 0.5, 0.25, 0.1]).in_frame(size);
+        let point = Target::Point {
+            x: 0.5,
+            y: 0.5,
+            radius: Some(0.1),
+        }
+        .in_frame(size);
+
+        assert_eq!(rectangle, Ok(FrameBox::new(50.0, 10.0, 100.0, 40.0)));
+        assert_eq!(point, Ok(FrameBox::new(80.0, 30.0, 40.0, 40.0)));
+    }
+
+    #[test]
+    fn tiny_box_and_whole_frame_are_refused() {
+        for (rectangle, part) in [
+            ([0.5, 0.5, 0.5001, 0.5001], "at least 2"),
+            ([0.0, 0.0, 1.0, 1.0], "whole frame"),
+        ] {
+            let refused = Target::Rectangle(rectangle).in_frame((640, 480));
+
+            assert!(refused.unwrap_err().contains(part), "{rectangle:?}");
+        }
+    }
+
+    #[test]
+    fn senseless_numbers_are_refused() {
+        for target in [
+            Target::Rectangle([f32::NAN, 0.0, 1.0, 1.0]),
+            Target::Rectangle([0.5, 0.5, 0.5, 0.9]),
+            Target::Rectangle([0.0, 0.0, 7.0, 1.0]),
+            Target::Point {
+                x: 0.5,
+                y: f32::INFINITY,
+                radius: None,
+            },
+        ] {
+            let command = Command::Start {
+                target,
+                frame: None,
+            };
+
+            assert!(command.check().is_err(), "{target:?}");
+        }
+    }
+
+    #[test]
+    fn command_expires_and_its_client_learns_it() {
+        let now = Instant::now();
+        let (pending, receipt) = Pending::new(Command::Stop, now);
+
+        assert!(!pending.is_expired(now));
+        assert!(pending.is_expired(now + LIFETIME));
+        assert_eq!(receipt.wait(Duration::ZERO), Outcome::Expired);
+        pending.resolve(Outcome::Done);
+        assert_eq!(receipt.wait(Duration::ZERO), Outcome::Done);
+    }
+}

@@ -1,0 +1,23 @@
+//! The tracker, as far as a station needs to know one.
+
+use std::time::Duration;
+
+use crate::picture::{FrameBox, Picture};
+use crate::report::Tracked;
+
+/// A tracker that follows one target or none.
+pub trait Engine {
+    /// Takes what is inside `target` as the target, and forgets any earlier one.
+    ///
+    /// # Errors
+    /// If the box is unusable; the reason is for people. The earlier target is kept.
+    fn start(&mut self, picture: &Picture, target: FrameBox) -> Result<Tracked, String>;
+
+    /// Forgets the target.
+    fn stop(&mut self);
+
+    /// Finds the target in the next picture; `None` without a target.
+    ///
+    /// The search for a lost target takes at most `budget`, but always makes one attempt.
+    fn follow(&mut self, picture: &Picture, budget: Duration) -> Option<Tracked>;
+}

@@ -1,0 +1,206 @@
+//! How many connections there may be, so that nobody can lock the operator out.
+//!
+//! A request that has not arrived holds a place. If there are none left, the connection that has
+//! waited for longest loses its place: a whole request arrives at once, while a slow one that was
+//! sent to hold a place is thrown out by the next. Requests with the token are always answered.
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Shutdown, TcpStream};
+use std::sync::Arc;
+use std::sync::Mutex;
+
+use crate::hub::lock;
+
+/// Most connections whose request has not arrived.
+const MAX_WAITING: usize = 48;
+/// Most of them from one address.
+const MAX_WAITING_EACH: usize = 12;
+/// Most requests without the token that are answered at a time.
+const MAX_ANSWERING: usize = 32;
+/// Most streams without the token, videos and events together.
+const MAX_STREAMS: usize = 32;
+/// Most of them to one address.
+const MAX_STREAMS_EACH: usize = 16;
+/// Further streams for those who have the token.
+const RESERVED_STREAMS: usize = 8;
+
+/// The places of a server.
+#[derive(Debug, Default)]
+pub struct Places(Arc<Mutex<Taken>>);
+
+#[derive(Debug, Default)]
+struct Taken {
+    next: u64,
+    waiting: BTreeMap<u64, (IpAddr, TcpStream)>, // oldest first
+    answering: usize,
+    streams: BTreeMap<IpAddr, usize>,
+}
+
+/// The place of a connection whose request has not arrived.
+#[derive(Debug)]
+pub struct Place {
+    number: u64,
+    taken: Arc<Mutex<Taken>>,
+}
+
+/// The place of a request that is answered.
+#[derive(Debug)]
+pub struct Answering(Arc<Mutex<Taken>>);
+
+/// The place of a stream.
+#[derive(Debug)]
+pub struct Watching {
+    from: IpAddr,
+    taken: Arc<Mutex<Taken>>,
+}
+
+impl Places {
+    /// Takes a place for a new connection; `None` if the connection has gone.
+    pub fn enter(&self, stream: &TcpStream, from: IpAddr) -> Option<Place> {
+        let handle = stream.try_clone().ok()?;
+        let mut taken = lock(&self.0);
+        let mut of_address = taken
+            .waiting
+            .iter()
+            .filter(|(_, (address, _))| *address == from)
+            .map(|(number, _)| *number);
+        let oldest_of_address = of_address.next();
+        let is_full_for_address = of_address.count() + 1 >= MAX_WAITING_EACH;
+        let oldest = taken.waiting.keys().next().copied();
+        let loser = if is_full_for_address {
+            oldest_of_address
+        } else {
+            oldest.filter(|_| taken.waiting.len() >= MAX_WAITING)
+        };
+        if let Some((_, stream)) = loser.and_then(|number| taken.waiting.remove(&number)) {
+            let _ = stream.shutdown(Shutdown::Both); // its thread ends with it
+        }
+        let number = taken.next;
+        taken.next += 1;
+        taken.waiting.insert(number, (from, handle));
+        Some(Place {
+            number,
+            taken: Arc::clone(&self.0),
+        })
+    }
+
+    /// Takes a place for a stream; `None` if there is none left.
+    pub fn watch(&self, from: IpAddr, is_trusted: bool) -> Option<Watching> {
+        let mut taken = lock(&self.0);
+        let total: usize = taken.streams.values().sum();
+        let of_address = taken.streams.get(&from).copied().unwrap_or(0);
+        let is_free = if is_trusted {
+            total < MAX_STREAMS + RESERVED_STREAMS
+        } else {
+            total < MAX_STREAMS && of_address < MAX_STREAMS_EACH
+        };
+        if !is_free {
+            return None;
+        }
+        *taken.streams.entry(from).or_default() += 1;
+        Some(Watching {
+            from,
+            taken: Arc::clone(&self.0),
+        })
+    }
+}
+
+impl Place {
+    /// Leaves the place, since the request has arrived; `None` if too many are answered.
+    pub fn answer(self, is_trusted: bool) -> Option<Answering> {
+        let mut taken = lock(&self.taken);
+        if taken.answering >= MAX_ANSWERING && !is_trusted {
+            return None;
+        }
+        taken.answering += 1;
+        Some(Answering(Arc::clone(&self.taken)))
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        lock(&self.taken).waiting.remove(&self.number);
+    }
+}
+
+impl Drop for Answering {
+    fn drop(&mut self) {
+        lock(&self.0).answering -= 1;
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let mut taken = lock(&self.taken);
+        if let Some(count) = taken.streams.get_mut(&self.from) {
+            *count -= 1;
+            if *count == 0 {
+                taken.streams.remove(&self.from);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::{Ipv4Addr, TcpListener};
+
+    fn connection() -> TcpStream {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        drop(client);
+        listener.accept().unwrap().0
+    }
+
+    fn address(last: u8) -> IpAddr {
+        Ipv4Addr::new(10, 0, 0, last).into()
+    }
+
+    #[test]
+    fn oldest_waiting_connection_of_an_address_makes_room() {
+        let places = Places::default();
+        let stream = connection();
+        let other = places.enter(&stream, address(9)).unwrap();
+        let held: Vec<Place> = (0..3 * MAX_WAITING_EACH)
+            .map(|_| places.enter(&stream, address(1)).unwrap())
+            .collect();
+
+        let taken = lock(&places.0);
+
+        assert_eq!(taken.waiting.len(), MAX_WAITING_EACH + 1);
+        assert!(taken.waiting.contains_key(&other.number));
+        assert!(taken.waiting.contains_key(&held.last().unwrap().number));
+        assert!(!taken.waiting.contains_key(&held[0].number));
+    }
+
+    #[test]
+    fn places_are_given_back() {
+        let places = Places::default();
+        let stream = connection();
+
+        let answering = places.enter(&stream, address(1)).unwrap().answer(false);
+        let watching = places.watch(address(1), false);
+        assert!(answering.is_some() && watching.is_some());
+        drop((answering, watching));
+
+        let taken = lock(&places.0);
+        assert!(taken.waiting.is_empty() && taken.streams.is_empty());
+        assert_eq!(taken.answering, 0);
+    }
+
+    #[test]
+    fn token_finds_a_place_when_all_others_are_taken() {
+        let places = Places::default();
+        let one: Vec<_> = (0..64)
+            .filter_map(|_| places.watch(address(1), false))
+            .collect();
+        let two: Vec<_> = (0..64)
+            .filter_map(|_| places.watch(address(2), false))
+            .collect();
+
+        assert_eq!((one.len(), two.len()), (MAX_STREAMS_EACH, MAX_STREAMS_EACH));
+        assert!(places.watch(address(3), false).is_none());
+        assert!(places.watch(address(1), true).is_some());
+    }
+}

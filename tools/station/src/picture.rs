@@ -1,0 +1,146 @@
+//! Pictures and boxes, as every part of the station knows them.
+
+use image::{RgbImage, imageops};
+
+/// The bytes of one pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// One byte of brightness.
+    Gray,
+    /// Red, green, blue.
+    Rgb,
+    /// Blue, green, red.
+    Bgr,
+    /// Red, green, blue, and a byte that is ignored.
+    Rgba,
+    /// Blue, green, red, and a byte that is ignored.
+    Bgra,
+}
+
+impl Order {
+    /// Bytes per pixel.
+    pub fn bytes(self) -> usize {
+        match self {
+            Order::Gray => 1,
+            Order::Rgb | Order::Bgr => 3,
+            Order::Rgba | Order::Bgra => 4,
+        }
+    }
+
+    /// Where red, green and blue stand within a pixel.
+    fn offsets(self) -> [usize; 3] {
+        match self {
+            Order::Gray => [0, 0, 0],
+            Order::Rgb | Order::Rgba => [0, 1, 2],
+            Order::Bgr | Order::Bgra => [2, 1, 0],
+        }
+    }
+}
+
+/// One frame that owns its pixels: `height` rows of `width` pixels without gaps.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// The pixels, `[height, width, order.bytes()]`.
+    pub data: Vec<u8>,
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// The bytes of one pixel.
+    pub order: Order,
+}
+
+impl Picture {
+    /// Width and height in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Copies the picture into an RGB image of the same size.
+    pub fn to_rgb(&self) -> RgbImage {
+        let step = self.order.bytes();
+        let [red, green, blue] = self.order.offsets();
+        let mut image = RgbImage::new(self.width as u32, self.height as u32);
+        for (out, pixel) in image.chunks_exact_mut(3).zip(self.data.chunks_exact(step)) {
+            out.copy_from_slice(&[pixel[red], pixel[green], pixel[blue]]);
+        }
+        image
+    }
+
+    /// Copies the picture into an RGB image that is at most `max_width` pixels wide.
+    pub fn fitted(&self, max_width: usize) -> RgbImage {
+        let image = self.to_rgb();
+        if self.width <= max_width {
+            return image;
+        }
+        let height = (self.height * max_width / self.width).max(1);
+        imageops::thumbnail(&image, max_width as u32, height as u32)
+    }
+}
+
+/// A box in the pixels of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameBox {
+    /// Left edge.
+    pub x: f32,
+    /// Top edge.
+    pub y: f32,
+    /// Width.
+    pub w: f32,
+    /// Height.
+    pub h: f32,
+}
+
+impl FrameBox {
+    /// A box from its left edge, top edge, width and height.
+    pub fn new(x: f32, y: f32, w: f32, h: f32) -> FrameBox {
+        FrameBox { x, y, w, h }
+    }
+
+    /// Whether all four numbers are finite.
+    pub fn is_finite(&self) -> bool {
+        [self.x, self.y, self.w, self.h]
+            .iter()
+            .all(|number| number.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn picture_of_every_order_becomes_rgb() {
+        for (order, pixel, expected) in [
+            (Order::Rgb, &[1, 2, 3][..], [1, 2, 3]),
+            (Order::Bgr, &[3, 2, 1], [1, 2, 3]),
+            (Order::Rgba, &[1, 2, 3, 9], [1, 2, 3]),
+            (Order::Bgra, &[3, 2, 1, 9], [1, 2, 3]),
+            (Order::Gray, &[7], [7, 7, 7]),
+        ] {
+            let picture = Picture {
+                data: pixel.to_vec(),
+                width: 1,
+                height: 1,
+                order,
+            };
+
+            let image = picture.to_rgb();
+
+            assert_eq!(image.get_pixel(0, 0).0, expected, "{order:?}");
+        }
+    }
+
+    #[test]
+    fn wide_picture_is_fitted_in_proportion() {
+        let picture = Picture {
+            data: vec![9; 40 * 10],
+            width: 40,
+            height: 10,
+            order: Order::Gray,
+        };
+
+        assert_eq!(picture.fitted(20).dimensions(), (20, 5));
+        assert_eq!(picture.fitted(80).dimensions(), (40, 10));
+    }
+}

@@ -1,0 +1,225 @@
+//! What is told about one frame, and how.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::health::Health;
+use crate::picture::FrameBox;
+
+/// How sure the tracker is of its target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Seen.
+    Tracking,
+    /// Followed, but perhaps not the target.
+    LowConfidence,
+    /// Hidden; its place is predicted.
+    Coasting,
+    /// Gone; it is searched for.
+    Lost,
+    /// Seen again a moment ago.
+    Reacquired,
+}
+
+impl State {
+    /// The word for logs and protocols.
+    pub fn name(self) -> &'static str {
+        match self {
+            State::Tracking => "tracking",
+            State::LowConfidence => "low_confidence",
+            State::Coasting => "coasting",
+            State::Lost => "lost",
+            State::Reacquired => "reacquired",
+        }
+    }
+
+    /// Whether the box rests on what was seen in this frame.
+    pub fn is_seen(self) -> bool {
+        !matches!(self, State::Coasting | State::Lost)
+    }
+}
+
+/// Another object that looks like the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Its box.
+    pub bbox: FrameBox,
+    /// Its score, 0 to 1.
+    pub score: f32,
+    /// Cosine of its features with the target's, -1 to 1.
+    pub similarity: f32,
+}
+
+/// Where the target is.
+#[derive(Clone, Debug)]
+pub struct Tracked {
+    /// Its box.
+    pub bbox: FrameBox,
+    /// Probability that the box is on the target; `None` where the tracker does not tell.
+    pub presence: Option<f32>,
+    /// Raw score.
+    pub score: f32,
+    /// How sure the tracker is.
+    pub state: State,
+    /// Searches made.
+    pub searches: u32,
+    /// Other places that look like the target.
+    pub others: Vec<Candidate>,
+}
+
+impl Tracked {
+    /// The track of a box that was just given.
+    pub fn certain(bbox: FrameBox) -> Tracked {
+        Tracked {
+            bbox,
+            presence: Some(1.0),
+            score: 1.0,
+            state: State::Tracking,
+            searches: 0,
+            others: Vec::new(),
+        }
+    }
+}
+
+/// What is known about one frame.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Index of the frame in its source.
+    pub frame: u64,
+    /// Milliseconds from the program's start to the frame's delivery.
+    pub time_ms: f64,
+    /// Width and height of the frame in pixels.
+    pub size: (usize, usize),
+    /// `None` while nothing is followed.
+    pub track: Option<Tracked>,
+    /// Milliseconds from the frame's delivery to this report.
+    pub latency_ms: f64,
+    /// Milliseconds that tracking took.
+    pub work_ms: f64,
+    /// Frames dropped so far because a newer one was there.
+    pub dropped: u64,
+    /// Reports withheld so far because their frame was too old.
+    pub late: u64,
+    /// Starts carried out so far.
+    pub starts: u64,
+    /// When the frame was delivered; the report ages from here on. `None` before the first frame.
+    pub taken: Option<Instant>,
+}
+
+impl Report {
+    /// The word for the state, `idle` while nothing is followed.
+    pub fn state(&self) -> &'static str {
+        self.track
+            .as_ref()
+            .map_or("idle", |track| track.state.name())
+    }
+}
+
+/// How far a report may still be acted upon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Freshness {
+    /// The report says where the target is.
+    Fresh,
+    /// The report says where the target was a moment ago: nothing may move by it.
+    Stale,
+    /// Frames have stopped: nothing is known.
+    Dead,
+}
+
+/// The newest report as it stands at one moment.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Number of the report; 0 before the first.
+    pub number: u64,
+    /// The report.
+    pub report: Arc<Report>,
+    /// Time since its frame was delivered; `None` before the first frame.
+    pub age: Option<Duration>,
+    /// How far it may be acted upon.
+    pub freshness: Freshness,
+    /// Health of the source.
+    pub health: Health,
+    /// Time between the last two frames; zero before them.
+    pub interval: Duration,
+}
+
+impl View {
+    /// Where the target is, if that is known now.
+    pub fn track(&self) -> Option<&Tracked> {
+        self.report
+            .track
+            .as_ref()
+            .filter(|_| self.freshness == Freshness::Fresh)
+    }
+
+    /// Frames per second, as measured between the last two.
+    pub fn frame_rate(&self) -> f32 {
+        if self.interval.is_zero() {
+            30.0
+        } else {
+            1.0 / self.interval.as_secs_f32()
+        }
+    }
+
+    /// The word for the state: the tracker's, `idle` without a target, `stale` with an old report.
+    pub fn state(&self) -> &'static str {
+        if self.report.track.is_some() && self.freshness != Freshness::Fresh {
+            "stale"
+        } else {
+            self.report.state()
+        }
+    }
+
+    /// One JSON object; a report that may not be acted upon has no box.
+    pub fn to_json(&self) -> Value {
+        let report = &self.report;
+        let age_ms = self
+            .age
+            .map_or(Value::Null, |age| rounded(age.as_secs_f64() * 1e3, 1));
+        let mut value = json!({
+            "frame": report.frame,
+            "time_ms": rounded(report.time_ms, 1),
+            "size": [report.size.0, report.size.1],
+            "source": self.health.name(),
+            "state": self.state(),
+            "age_ms": age_ms,
+            "latency_ms": rounded(report.latency_ms, 2),
+            "work_ms": rounded(report.work_ms, 2),
+            "dropped": report.dropped,
+            "late": report.late,
+        });
+        if let Some(track) = self.track() {
+            value["box"] = numbers(&track.bbox);
+            value["presence"] = track
+                .presence
+                .map_or(Value::Null, |p| rounded(f64::from(p), 4));
+            value["score"] = rounded(f64::from(track.score), 4);
+            value["searches"] = track.searches.into();
+            value["others"] = track.others.iter().take(3).map(candidate).collect();
+        }
+        value
+    }
+}
+
+fn candidate(candidate: &Candidate) -> Value {
+    json!({
+        "box": numbers(&candidate.bbox),
+        "score": rounded(f64::from(candidate.score), 3),
+        "similarity": rounded(f64::from(candidate.similarity), 3),
+    })
+}
+
+fn numbers(bbox: &FrameBox) -> Value {
+    [bbox.x, bbox.y, bbox.w, bbox.h]
+        .map(|number| rounded(f64::from(number), 2))
+        .to_vec()
+        .into()
+}
+
+/// A number with so many decimals; JSON has no NaN, which becomes null.
+fn rounded(number: f64, decimals: i32) -> Value {
+    let scale = 10f64.powi(decimals);
+    Value::from((number * scale).round() / scale)
+}

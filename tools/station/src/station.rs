@@ -1,0 +1,369 @@
+//! The tracking thread: takes the newest frame, carries out commands, tracks, and tells everybody.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+use crate::ages::Ages;
+use crate::command::{Command, Outcome, Pending, Target};
+use crate::engine::Engine;
+use crate::error::Error;
+use crate::feed::{Feed, Feeder};
+use crate::health::Health;
+use crate::http::{self, HttpOptions};
+use crate::hub::{Hub, Limits};
+use crate::lines::Lines;
+use crate::log::{Asked, Log, LogOptions};
+use crate::mavlink::{self, MavlinkOptions};
+use crate::notify::Notifier;
+use crate::picture::FrameBox;
+use crate::report::{Report, Tracked};
+use crate::say::{self, say};
+use crate::slot::{Next, Shot, Slot};
+
+/// How long the tracking thread waits for a frame before it looks at anything else.
+const PATIENCE: Duration = Duration::from_millis(50);
+/// How long the other threads may take to end.
+const FAREWELL: Duration = Duration::from_millis(1500);
+/// Time between two JSON lines while the source delivers no frames.
+const REMINDER: Duration = Duration::from_secs(1);
+
+/// How a station is to run.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Track every frame however long that takes, rather than the newest one.
+    pub every_frame: bool,
+    /// Time for one frame.
+    pub deadline: Duration,
+    /// How old frames and silence may become.
+    pub limits: Limits,
+    /// The target in the first frame.
+    pub init: Option<FrameBox>,
+    /// Whether JSON lines go to standard output.
+    pub print: bool,
+    /// Address to which JSON lines are sent as datagrams.
+    pub udp: Option<String>,
+    /// The flight log.
+    pub log: Option<LogOptions>,
+    /// First line of the flight log.
+    pub head: Value,
+    /// The MAVLink camera.
+    pub mavlink: MavlinkOptions,
+    /// The web page.
+    pub http: HttpOptions,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            every_frame: false,
+            deadline: Duration::from_millis(33),
+            limits: Limits::default(),
+            init: None,
+            print: false,
+            udp: None,
+            log: None,
+            head: Value::Null,
+            mavlink: MavlinkOptions::default(),
+            http: HttpOptions::default(),
+        }
+    }
+}
+
+/// A station that has been set up, but reads no frame yet.
+pub struct Station {
+    options: Options,
+    hub: Arc<Hub>,
+}
+
+impl Station {
+    /// A station with these options.
+    pub fn new(options: Options) -> Station {
+        let hub = Arc::new(Hub::new(options.limits));
+        Station { options, hub }
+    }
+
+    /// What ends a running station from another thread, such as a signal's.
+    pub fn stopper(&self) -> impl Fn() + Send + Sync + 'static {
+        let hub = Arc::clone(&self.hub);
+        move || hub.stop()
+    }
+
+    /// Runs until the source ends or somebody stops it.
+    ///
+    /// # Errors
+    /// If an option is unusable, or a source that is not opened again fails.
+    pub fn run(self, engine: &mut dyn Engine, feed: Feed) -> Result<(), Error> {
+        let ran = self.run_unsaid(engine, feed);
+        say::flush(FAREWELL);
+        ran
+    }
+
+    fn run_unsaid(self, engine: &mut dyn Engine, feed: Feed) -> Result<(), Error> {
+        let Station { options, hub } = self;
+        let began = Instant::now();
+        let log = options
+            .log
+            .clone()
+            .map(|log| Log::create(log, options.head.clone()))
+            .transpose()?;
+        let lines = Lines::new(options.print, options.udp.as_deref(), options.every_frame)?;
+        let mut threads = mavlink::start(&options.mavlink, &hub)?;
+        threads.extend(http::start(&options.http, &hub)?);
+        let slot = Arc::new(Slot::default());
+        let feeder = feed.start(options.every_frame, Arc::clone(&slot), Arc::clone(&hub));
+
+        let mut tracking = Tracking {
+            options: &options,
+            began,
+            engine,
+            hub: &hub,
+            slot: &slot,
+            log,
+            lines,
+            notifier: Notifier::connect(),
+            health: Health::Waiting,
+            reminder: began + REMINDER,
+            ages: Ages::new(),
+            late: 0,
+            starts: 0,
+            is_first: true,
+        };
+        let ran = tracking.run(&feeder);
+        let Tracking {
+            log,
+            lines,
+            ages,
+            late,
+            ..
+        } = tracking;
+
+        hub.stop();
+        slot.close();
+        feeder.end(FAREWELL);
+        if let Some(log) = log {
+            log.finish();
+        }
+        lines.finish();
+        let until = Instant::now() + FAREWELL;
+        while threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        say!(
+            "{ages}; {} dropped for newer ones, {late} too old",
+            slot.dropped()
+        );
+        ran
+    }
+}
+
+/// What the tracking thread owns.
+struct Tracking<'a> {
+    options: &'a Options,
+    began: Instant,
+    engine: &'a mut dyn Engine,
+    hub: &'a Hub,
+    slot: &'a Slot,
+    log: Option<Log>,
+    lines: Lines,
+    notifier: Notifier,
+    health: Health,
+    reminder: Instant,
+    ages: Ages,
+    late: u64,
+    starts: u64,
+    is_first: bool,
+}
+
+impl Tracking<'_> {
+    fn run(&mut self, feeder: &Feeder) -> Result<(), Error> {
+        while !self.hub.is_stopping() {
+            match self.slot.take(PATIENCE) {
+                Next::Nothing => {
+                    for pending in self.hub.take_commands(false) {
+                        self.engine.stop();
+                        pending.resolve(Outcome::Done);
+                    }
+                }
+                Next::Ended(reason) => {
+                    self.hub.tell(|pulse| pulse.ended());
+                    match reason {
+                        Some(reason) => return Err(Error::Source(reason)),
+                        None => break,
+                    }
+                }
+                Next::Shot(shot) => self.frame(shot)?,
+            }
+            feeder.check(self.hub);
+            self.watch_source()?;
+        }
+        self.notifier.stopping();
+        Ok(())
+    }
+
+    /// Tells everybody that needs telling how the source is.
+    fn watch_source(&mut self) -> Result<(), Error> {
+        let health = self.hub.health();
+        let reason = self.hub.tell(|pulse| pulse.reason.clone());
+        self.notifier.tell(health, reason.as_deref());
+        let now = Instant::now();
+        let has_changed = std::mem::replace(&mut self.health, health) != health;
+        if has_changed {
+            let time_ms = now.duration_since(self.began).as_secs_f64() * 1e3;
+            if health == Health::Stalled {
+                let stall = self.options.limits.stall.as_secs_f64();
+                say!("source: stalled, no frame for {stall:.1} s");
+            }
+            if let Some(log) = &mut self.log {
+                log.source(time_ms, health, reason.as_deref());
+            }
+        }
+        let is_silent = !matches!(health, Health::Live | Health::Ended);
+        let is_due = has_changed || now >= self.reminder;
+        if is_silent && is_due && !self.options.every_frame {
+            self.reminder = now + REMINDER;
+            self.write_line()?;
+        }
+        Ok(())
+    }
+
+    fn frame(&mut self, shot: Shot) -> Result<(), Error> {
+        let started = Instant::now();
+        let commands = self.hub.take_commands(true);
+        let mut asked = Vec::new();
+        let mut fresh = None;
+        if std::mem::take(&mut self.is_first)
+            && let Some(bbox) = self.options.init
+        {
+            match self.engine.start(&shot.picture, bbox) {
+                Ok(track) => {
+                    self.starts += 1;
+                    fresh = Some(track);
+                    asked.push(Asked::Start { bbox, at: None });
+                }
+                Err(reason) => say!("start refused: {reason}"),
+            }
+        }
+        for pending in commands {
+            self.obey(&pending, &shot, &mut asked, &mut fresh);
+        }
+        let every = self.options.every_frame;
+        let budget = if every {
+            self.options.deadline
+        } else {
+            // What the frame's age has used of the deadline is gone.
+            let age = shot.taken.elapsed();
+            self.options.deadline.saturating_sub(age)
+        };
+        let track = fresh.or_else(|| self.engine.follow(&shot.picture, budget));
+        let age = shot.taken.elapsed();
+        let report = Report {
+            frame: shot.index,
+            time_ms: shot.taken.duration_since(self.began).as_secs_f64() * 1e3,
+            size: shot.picture.size(),
+            track,
+            latency_ms: age.as_secs_f64() * 1e3,
+            work_ms: started.elapsed().as_secs_f64() * 1e3,
+            dropped: self.slot.dropped(),
+            late: self.late,
+            starts: self.starts,
+            // A file has no live time: its frames are as new as their reports.
+            taken: Some(if every { Instant::now() } else { shot.taken }),
+        };
+        if let Some(log) = &mut self.log {
+            log.add(&asked, &report, &shot.picture);
+        }
+        if age > self.options.limits.max_age && !every {
+            if self.late == 0 {
+                let (age, max) = (age.as_millis(), self.options.limits.max_age.as_millis());
+                say!("a result was {age} ms old, above --max-age-ms {max}; such ones are withheld");
+            }
+            self.late += 1;
+        } else {
+            if report.track.is_some() {
+                self.ages.add(age);
+            }
+            self.hub.publish(report, &shot.picture);
+            self.write_line()?;
+        }
+        self.slot.recycle(shot.picture);
+        Ok(())
+    }
+
+    /// Carries out a command on a frame and tells its client.
+    fn obey(
+        &mut self,
+        pending: &Pending,
+        shot: &Shot,
+        asked: &mut Vec<Asked>,
+        fresh: &mut Option<Tracked>,
+    ) {
+        match pending.command {
+            Command::Stop => {
+                self.engine.stop();
+                asked.push(Asked::Stop);
+                *fresh = None;
+                pending.resolve(Outcome::Done);
+            }
+            Command::Start { target, frame } => match self.start(target, frame, shot) {
+                Ok((start, track)) => {
+                    self.starts += 1;
+                    asked.push(start);
+                    *fresh = track;
+                    pending.resolve(Outcome::Done);
+                }
+                Err(reason) => {
+                    say!("start refused: {reason}");
+                    pending.resolve(Outcome::Refused(reason));
+                }
+            },
+        }
+    }
+
+    /// Starts on the frame in which the client saw the target, if it is still kept.
+    ///
+    /// The target is then followed from there to the newest frame, so it has no fresh track.
+    fn start(
+        &mut self,
+        target: Target,
+        frame: Option<u64>,
+        shot: &Shot,
+    ) -> Result<(Asked, Option<Tracked>), String> {
+        let earlier = frame
+            .filter(|frame| *frame != shot.index)
+            .and_then(|frame| Some((frame, self.hub.pictures().find(frame)?)));
+        if let Some((frame, picture)) = earlier {
+            let bbox = target.in_frame(picture.size())?;
+            self.engine.start(&picture, bbox)?;
+            let start = Asked::Start {
+                bbox,
+                at: Some(frame),
+            };
+            return Ok((start, None));
+        }
+        let bbox = target.in_frame(shot.picture.size())?;
+        let track = self.engine.start(&shot.picture, bbox)?;
+        Ok((Asked::Start { bbox, at: None }, Some(track)))
+    }
+
+    /// Writes the newest report; a missing reader ends the program only if nobody else listens.
+    fn write_line(&mut self) -> Result<(), Error> {
+        match self.lines.write(&self.hub.view()) {
+            Err(Error::ClosedPipe) if self.has_other_outputs() => {
+                say!("standard output: its reader has gone; tracking goes on");
+                self.lines.silence();
+                Ok(())
+            }
+            written => written,
+        }
+    }
+
+    fn has_other_outputs(&self) -> bool {
+        let options = self.options;
+        options.udp.is_some()
+            || options.log.is_some()
+            || options.http.address.is_some()
+            || !options.mavlink.links.is_empty()
+    }
+}
