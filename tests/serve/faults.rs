@@ -147,9 +147,7 @@ fn ready_is_said_with_the_first_frame_and_not_before() {
     let folder = Folder::new("ready");
     let socket = folder.file("notify");
     let systemd = UnixDatagram::bind(&socket).unwrap();
-    systemd
-        .set_read_timeout(Some(Duration::from_secs(3)))
-        .unwrap();
+    systemd.set_read_timeout(Some(PATIENCE)).unwrap();
     let mut command = Command::new(PROGRAM);
     command.args(["serve", "--input", "/dev/video77", "--quiet"]);
     command.env("NOTIFY_SOCKET", &socket).stdin(Stdio::null());
