@@ -128,7 +128,7 @@ impl Log {
 
     /// Adds a frame; a failure is said once.
     pub fn add(&mut self, asked: &[Asked], report: &Report, picture: &Picture) {
-        let asked: Vec<Value> = asked.iter().map(Asked::to_json).collect();
+        let asked: Vec<Value> = asked.iter().map(|asked| asked.to_json()).collect();
         let mut line = json!({
             "frame": report.frame,
             "time_ms": report.time_ms,
@@ -351,10 +351,10 @@ fn is_log(path: &Path) -> bool {
 }
 
 impl Asked {
-    fn to_json(&self) -> Value {
+    fn to_json(self) -> Value {
         match self {
-            Asked::Start { bbox, at: None } => json!({ "start": exact(bbox) }),
-            Asked::Start { bbox, at } => json!({ "start": exact(bbox), "at": at }),
+            Asked::Start { bbox, at: None } => json!({ "start": exact(&bbox) }),
+            Asked::Start { bbox, at } => json!({ "start": exact(&bbox), "at": at }),
             Asked::Stop => json!("stop"),
         }
     }
