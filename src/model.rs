@@ -147,8 +147,8 @@ impl Model {
     /// Reads a weights file.
     ///
     /// # Errors
-    /// If the file cannot be read or is not a valid weights file. The message names the file and the
-    /// tensor or field.
+    /// If the file cannot be read or is not a valid weights file. The message names the file and
+    /// the tensor or field.
     pub fn read(path: &Path, isa: Isa) -> Result<Model, ModelError> {
         Model::from_weights(&Weights::read(path)?, isa)
     }

@@ -1,4 +1,6 @@
-//! The network and the crop against reference tensors made by independent code.
+//! Network and crop against reference tensors from independent code.
+//!
+//! Skipped without the reference data (see `common::shared`).
 
 mod common;
 
@@ -29,8 +31,8 @@ fn crop_bytes((shape, values): &(Vec<usize>, Vec<f32>)) -> Vec<u8> {
         .collect()
 }
 
-/// Largest distance of our map (HWC) from the reference (CHW, perhaps only the first channels), as a share of
-/// the reference's RMS.
+/// Largest distance of our map (HWC) from the reference (CHW, perhaps only its first channels), as
+/// a share of the reference's RMS.
 fn distance(ours: &[f32], channels: usize, (shape, reference): &(Vec<usize>, Vec<f32>)) -> f64 {
     let area = reference.len() / shape[0];
     assert_eq!(ours.len() / channels, area, "map of another size");
@@ -41,8 +43,9 @@ fn distance(ours: &[f32], channels: usize, (shape, reference): &(Vec<usize>, Vec
     (0..reference.len()).map(error).fold(0.0, f64::max) / rms
 }
 
-/// As [`distance`], for a reference that ours equals only after one scaling and one shift: the head's two scalars, which
-/// the converter folds into the offsets.
+/// The [`distance`] after one scaling and one shift of the reference.
+///
+/// The converter folds the head's two scalars into the offsets; the reference keeps them separate.
 fn distance_after_scaling(
     ours: &[f32],
     channels: usize,
@@ -57,10 +60,8 @@ fn distance_after_scaling(
             )
         })
     };
-    let (mx, my) = (
-        pairs().map(|p| p.0).sum::<f64>() / n,
-        pairs().map(|p| p.1).sum::<f64>() / n,
-    );
+    let mx = pairs().map(|p| p.0).sum::<f64>() / n;
+    let my = pairs().map(|p| p.1).sum::<f64>() / n;
     let slope = pairs().map(|(x, y)| (x - mx) * (y - my)).sum::<f64>()
         / pairs().map(|(x, _)| (x - mx).powi(2)).sum::<f64>();
     assert!(slope > 0.5 && slope < 2.0, "offsets are scaled by {slope}");
@@ -71,7 +72,7 @@ fn distance_after_scaling(
     distance(ours, channels, &(shape.clone(), scaled))
 }
 
-/// Our layer names and the reference's.
+/// Our names of the layers and the reference's names.
 const STAGES: [(&str, &str); 16] = [
     ("backbone.pool1", "pool1"),
     ("backbone.pool2", "pool2"),
@@ -92,7 +93,7 @@ const STAGES: [(&str, &str); 16] = [
 ];
 
 #[test]
-fn every_stage_within_a_thousandth_on_every_isa() {
+fn every_stage_on_every_isa_is_within_a_thousandth_of_the_reference() {
     let (Some(golden), Some(checkpoint)) =
         (golden(), common::shared("checkpoints/drmim_p50_probe.pth"))
     else {
@@ -159,7 +160,7 @@ fn check_stages(golden: &Tensors, model: Model, what: &str) {
 }
 
 #[test]
-fn crops_within_one_gray_level() {
+fn crops_are_within_one_gray_level_of_the_reference() {
     let Some(golden) = golden() else { return };
     let frames: Vec<_> = ["frame1", "frame2"]
         .into_iter()
@@ -170,7 +171,7 @@ fn crops_within_one_gray_level() {
         let (w, h) = (frames[i].width() as usize, frames[i].height() as usize);
         Frame::new(frames[i].as_raw(), w, h, ChannelOrder::Rgb).unwrap()
     };
-    // No look at the first frame, so that the crop cut last is the template's.
+    // Without correction and filter `init` makes no search, so the last crop is the template's.
     let model = Model::builtin(Isa::detect());
     let config = TrackConfig {
         correction: 0.0,

@@ -1,12 +1,12 @@
-//! What several tests need: the shared reference data, where it is present, and safetensors files.
+//! Shared by several tests: the reference data, where present, and safetensors files.
 
-#![allow(dead_code)] // each test uses its own part
+#![allow(dead_code)] // each test uses a part of this module
 
 use std::path::PathBuf;
 
-/// `path` within the reference data, or `None` after saying that the test is skipped.
+/// `path` within the reference data; prints that the test is skipped and returns `None` without it.
 ///
-/// The data lie in `$TRACK_CPU_SHARED` or in `../shared` beside the repository.
+/// The data lie in `$TRACK_CPU_SHARED`, by default `../shared` beside the repository.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let root = std::env::var_os("TRACK_CPU_SHARED").map_or(beside, PathBuf::from);
