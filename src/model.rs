@@ -396,6 +396,7 @@ fn fold_normalization(
     weight: &[f32],
     bias: &[f32],
 ) -> (Vec<f32>, Vec<f32>) {
+    // w (p - mean) / std = (w / std) p - w mean / std, per channel of each kernel cell.
     let mut folded = weight.to_vec();
     let mut shifted = bias.to_vec();
     for (weights, bias) in folded

@@ -146,6 +146,7 @@ impl Network {
             template,
             ..
         } = self;
+        // Backbone, E2 and neck run one after the other, on the buffers of the classification task.
         threads.enter(|| {
             let layers = model.layers();
             let side = model.architecture().template_size;
@@ -185,6 +186,7 @@ impl Network {
             ..
         } = self;
         let layers = model.layers();
+        // Copy the window of the template's size, run the neck on it, average.
         threads.enter(|| {
             let Buffers {
                 contexts,
@@ -230,6 +232,8 @@ impl Network {
             template.cls.channels() > 0,
             "search needs template features: call set_template first"
         );
+        // Each stage reads the maps of the stage before; neck, xcorr and head run both tasks side by
+        // side.
         threads.enter(|| {
             let mut lap = Lap::start();
             let layers = model.layers();
