@@ -1,11 +1,11 @@
 //! Network and crop against reference tensors from independent code.
 //!
-//! Skipped without the reference data (see `common::shared`).
-
-mod common;
+//! Skipped without the reference data (see `testing::shared`).
 
 use kernels::conv::Algorithm;
+use safetensors::SafeTensors;
 use std::collections::HashMap;
+use testing::shared;
 use track_cpu::net::Network;
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, TrackConfig, Tracker, TrackerOptions};
 
@@ -14,13 +14,16 @@ type Tensors = HashMap<String, (Vec<usize>, Vec<f32>)>;
 const GOLDEN: &str = "golden/UAV123_10fps__group1_2";
 
 fn golden() -> Option<Tensors> {
-    let path = common::shared(&format!("{GOLDEN}.safetensors"))?;
-    Some(
-        common::read_tensors(&path)
-            .into_iter()
-            .map(|(name, shape, values)| (name, (shape, values)))
-            .collect(),
-    )
+    let path = shared(&format!("{GOLDEN}.safetensors"))?;
+    let bytes = std::fs::read(path).unwrap();
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let mut tensors = Tensors::new();
+    for (name, view) in file.iter() {
+        let floats = view.data().as_chunks().0.iter();
+        let values = floats.map(|&bytes| f32::from_le_bytes(bytes)).collect();
+        tensors.insert(name.to_owned(), (view.shape().to_vec(), values));
+    }
+    Some(tensors)
 }
 
 /// A CHW crop of whole numbers as HWC bytes.
@@ -94,8 +97,7 @@ const STAGES: [(&str, &str); 16] = [
 
 #[test]
 fn every_stage_on_every_isa_is_within_a_thousandth_of_the_reference() {
-    let (Some(golden), Some(checkpoint)) =
-        (golden(), common::shared("checkpoints/drmim_p50_probe.pth"))
+    let (Some(golden), Some(checkpoint)) = (golden(), shared("checkpoints/drmim_p50_probe.pth"))
     else {
         return;
     };
@@ -164,7 +166,7 @@ fn crops_are_within_one_gray_level_of_the_reference() {
     let Some(golden) = golden() else { return };
     let frames: Vec<_> = ["frame1", "frame2"]
         .into_iter()
-        .filter_map(|frame| common::shared(&format!("{GOLDEN}.{frame}.png")))
+        .filter_map(|frame| shared(&format!("{GOLDEN}.{frame}.png")))
         .map(|path| image::open(path).unwrap().to_rgb8())
         .collect();
     let frame = |i: usize| {

@@ -232,8 +232,8 @@ impl Network {
             template.cls.channels() > 0,
             "search needs template features: call set_template first"
         );
-        // Each stage reads the maps of the stage before; neck, xcorr and head run both tasks side by
-        // side.
+        // Each stage reads the maps of the stage before. Neck, xcorr and head run both tasks side
+        // by side.
         threads.enter(|| {
             let mut lap = Lap::start();
             let layers = model.layers();
