@@ -59,6 +59,12 @@ pub fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
 
 /// Prints tables and writes plots.
 pub fn compare(args: &CompareArgs) -> Result<(), Error> {
+    if let Some(folder) = &args.out {
+        super::spare(
+            &folder.join("precision.svg"),
+            &super::read_by(&args.trackers),
+        )?;
+    }
     let comparison = read(&args.trackers)?;
     let plots = [
         ("precision.svg", Some(comparison.precision_plot())),
@@ -78,6 +84,7 @@ pub fn compare(args: &CompareArgs) -> Result<(), Error> {
 
 /// Writes the page.
 pub fn report(args: &ReportArgs) -> Result<(), Error> {
+    super::spare(&args.out, &super::read_by(&args.trackers))?;
     let comparison = read(&args.trackers)?;
     let diagnosis = diagnosis::diagnose(&comparison);
     let mut failures = Vec::new();

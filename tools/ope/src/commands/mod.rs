@@ -8,12 +8,12 @@ pub mod run;
 pub mod score;
 pub mod step;
 
-use crate::args::TruthArgs;
+use crate::args::{TrackersArgs, TruthArgs};
 use ope::{Error, starts};
-use program::Exit;
+use program::{Exit, check_outputs};
 use sequences::{Annotation, Notes, Sequence, annotation};
 use std::io::{ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Prints the error on standard error and picks the exit code.
@@ -29,6 +29,25 @@ pub fn exit(error: &Error) -> ExitCode {
         _ => Exit::Input,
     };
     exit.fail(error)
+}
+
+/// Refuses a `--out` that would overwrite what is read.
+fn spare(output: &Path, inputs: &[&Path]) -> Result<(), Error> {
+    check_outputs(&[("--out", output)], inputs).map_err(|clash| Error::Option {
+        option: "--out",
+        expected: "a path that spares the inputs".into(),
+        found: clash.to_string(),
+    })
+}
+
+/// The folders of boxes that a comparison reads.
+fn read_by(args: &TrackersArgs) -> Vec<&Path> {
+    let truth = args.truth.annotations.iter();
+    args.results
+        .iter()
+        .chain(truth)
+        .map(PathBuf::as_path)
+        .collect()
 }
 
 /// Writes to standard output.

@@ -5,6 +5,7 @@ use ope::run::{Program, Runner};
 use ope::{Error, starts};
 use sequences::Notes;
 use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
 use std::thread;
 use track_cpu::{Isa, Model};
 
@@ -54,6 +55,8 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
 
 /// Makes one folder of several.
 pub fn merge(args: &MergeArgs) -> Result<(), Error> {
+    let parts: Vec<&Path> = args.parts.iter().map(PathBuf::as_path).collect();
+    super::spare(&args.out.join("times"), &parts)?;
     let sequences = ope::run::merge(&args.parts, &args.out)?;
     eprintln!("{sequences} sequences in {}", args.out.display());
     Ok(())
