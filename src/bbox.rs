@@ -38,9 +38,6 @@ pub struct FrameBox {
     pub h: f32,
 }
 
-/// Another name of [`FrameBox`].
-pub type CenterBox = FrameBox;
-
 /// A box in crop pixels by its center.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct CropBox {

@@ -147,8 +147,8 @@ impl Model {
     /// Reads a weights file.
     ///
     /// # Errors
-    /// If the file cannot be read or is not a valid weights file. The message names the file and the
-    /// tensor or field.
+    /// If the file cannot be read or is not a valid weights file. The message names the file and
+    /// the tensor or field.
     pub fn read(path: &Path, isa: Isa) -> Result<Model, ModelError> {
         Model::from_weights(&Weights::read(path)?, isa)
     }
@@ -396,6 +396,7 @@ fn fold_normalization(
     weight: &[f32],
     bias: &[f32],
 ) -> (Vec<f32>, Vec<f32>) {
+    // w (p - mean) / std = (w / std) p - w mean / std, per channel of each kernel cell.
     let mut folded = weight.to_vec();
     let mut shifted = bias.to_vec();
     for (weights, bias) in folded

@@ -1,9 +1,9 @@
-//! `update` allocates nothing after its first call.
+//! `update` allocates nothing after its first call, on every instruction set.
 
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
 
 #[test]
-fn update_allocates_nothing_after_its_first_call() {
+fn update_after_the_first_allocates_nothing() {
     let data: Vec<u8> = (0..320 * 240 * 3).map(|i| (i * 7 % 251) as u8).collect();
     let frame = Frame::new(&data, 320, 240, ChannelOrder::Rgb).unwrap();
     for isa in Isa::available() {

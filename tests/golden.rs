@@ -1,9 +1,11 @@
-//! The network and the crop against reference tensors made by independent code.
-
-mod common;
+//! Network and crop against reference tensors from independent code.
+//!
+//! Skipped without the reference data (see `testing::shared`).
 
 use kernels::conv::Algorithm;
+use safetensors::SafeTensors;
 use std::collections::HashMap;
+use testing::shared;
 use track_cpu::net::Network;
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, TrackConfig, Tracker, TrackerOptions};
 
@@ -12,13 +14,16 @@ type Tensors = HashMap<String, (Vec<usize>, Vec<f32>)>;
 const GOLDEN: &str = "golden/UAV123_10fps__group1_2";
 
 fn golden() -> Option<Tensors> {
-    let path = common::shared(&format!("{GOLDEN}.safetensors"))?;
-    Some(
-        common::read_tensors(&path)
-            .into_iter()
-            .map(|(name, shape, values)| (name, (shape, values)))
-            .collect(),
-    )
+    let path = shared(&format!("{GOLDEN}.safetensors"))?;
+    let bytes = std::fs::read(path).unwrap();
+    let file = SafeTensors::deserialize(&bytes).unwrap();
+    let mut tensors = Tensors::new();
+    for (name, view) in file.iter() {
+        let floats = view.data().as_chunks().0.iter();
+        let values = floats.map(|&bytes| f32::from_le_bytes(bytes)).collect();
+        tensors.insert(name.to_owned(), (view.shape().to_vec(), values));
+    }
+    Some(tensors)
 }
 
 /// A CHW crop of whole numbers as HWC bytes.
@@ -29,8 +34,8 @@ fn crop_bytes((shape, values): &(Vec<usize>, Vec<f32>)) -> Vec<u8> {
         .collect()
 }
 
-/// Largest distance of our map (HWC) from the reference (CHW, perhaps only the first channels), as a share of
-/// the reference's RMS.
+/// Largest distance of our map (HWC) from the reference (CHW, perhaps only its first channels), as
+/// a share of the reference's RMS.
 fn distance(ours: &[f32], channels: usize, (shape, reference): &(Vec<usize>, Vec<f32>)) -> f64 {
     let area = reference.len() / shape[0];
     assert_eq!(ours.len() / channels, area, "map of another size");
@@ -41,8 +46,9 @@ fn distance(ours: &[f32], channels: usize, (shape, reference): &(Vec<usize>, Vec
     (0..reference.len()).map(error).fold(0.0, f64::max) / rms
 }
 
-/// As [`distance`], for a reference that ours equals only after one scaling and one shift: the head's two scalars, which
-/// the converter folds into the offsets.
+/// The [`distance`] after one scaling and one shift of the reference.
+///
+/// The converter folds the head's two scalars into the offsets; the reference keeps them separate.
 fn distance_after_scaling(
     ours: &[f32],
     channels: usize,
@@ -57,10 +63,8 @@ fn distance_after_scaling(
             )
         })
     };
-    let (mx, my) = (
-        pairs().map(|p| p.0).sum::<f64>() / n,
-        pairs().map(|p| p.1).sum::<f64>() / n,
-    );
+    let mx = pairs().map(|p| p.0).sum::<f64>() / n;
+    let my = pairs().map(|p| p.1).sum::<f64>() / n;
     let slope = pairs().map(|(x, y)| (x - mx) * (y - my)).sum::<f64>()
         / pairs().map(|(x, _)| (x - mx).powi(2)).sum::<f64>();
     assert!(slope > 0.5 && slope < 2.0, "offsets are scaled by {slope}");
@@ -71,7 +75,7 @@ fn distance_after_scaling(
     distance(ours, channels, &(shape.clone(), scaled))
 }
 
-/// Our layer names and the reference's.
+/// Our names of the layers and the reference's names.
 const STAGES: [(&str, &str); 16] = [
     ("backbone.pool1", "pool1"),
     ("backbone.pool2", "pool2"),
@@ -92,9 +96,8 @@ const STAGES: [(&str, &str); 16] = [
 ];
 
 #[test]
-fn every_stage_within_a_thousandth_on_every_isa() {
-    let (Some(golden), Some(checkpoint)) =
-        (golden(), common::shared("checkpoints/drmim_p50_probe.pth"))
+fn every_stage_on_every_isa_is_within_a_thousandth_of_the_reference() {
+    let (Some(golden), Some(checkpoint)) = (golden(), shared("checkpoints/drmim_p50_probe.pth"))
     else {
         return;
     };
@@ -159,18 +162,18 @@ fn check_stages(golden: &Tensors, model: Model, what: &str) {
 }
 
 #[test]
-fn crops_within_one_gray_level() {
+fn crops_are_within_one_gray_level_of_the_reference() {
     let Some(golden) = golden() else { return };
     let frames: Vec<_> = ["frame1", "frame2"]
         .into_iter()
-        .filter_map(|frame| common::shared(&format!("{GOLDEN}.{frame}.png")))
+        .filter_map(|frame| shared(&format!("{GOLDEN}.{frame}.png")))
         .map(|path| image::open(path).unwrap().to_rgb8())
         .collect();
     let frame = |i: usize| {
         let (w, h) = (frames[i].width() as usize, frames[i].height() as usize);
         Frame::new(frames[i].as_raw(), w, h, ChannelOrder::Rgb).unwrap()
     };
-    // No look at the first frame, so that the crop cut last is the template's.
+    // Without correction and filter `init` makes no search, so the last crop is the template's.
     let model = Model::builtin(Isa::detect());
     let config = TrackConfig {
         correction: 0.0,

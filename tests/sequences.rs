@@ -1,10 +1,9 @@
 //! Real sequences: boxes of the reference implementation, accuracy of the built-in models.
 
-mod common;
-
 use rayon::prelude::*;
 use sequences::{Annotation, Convention, Rect};
 use std::path::{Path, PathBuf};
+use testing::shared;
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Tracker, TrackerOptions};
 use weights_format::Weights;
 
@@ -61,8 +60,8 @@ fn track<const MODELS: usize>(
 #[test]
 fn boxes_agree_with_the_reference_implementation() {
     let (Some(sequences), Some(checkpoint)) = (
-        common::shared("data/dev_seqs"),
-        common::shared("checkpoints/drmim_p50_probe.pth"),
+        shared("data/dev_seqs"),
+        shared("checkpoints/drmim_p50_probe.pth"),
     ) else {
         return;
     };
@@ -78,8 +77,7 @@ fn boxes_agree_with_the_reference_implementation() {
         "UAVDT/S0601",
     ];
     names.par_iter().for_each(|name| {
-        let Some(golden) = common::shared(&format!("golden/{}.boxes.txt", name.replace('/', "__")))
-        else {
+        let Some(golden) = shared(&format!("golden/{}.boxes.txt", name.replace('/', "__"))) else {
             return;
         };
         let reference = read_boxes(&golden);
@@ -186,7 +184,7 @@ fn golden(model: &str) -> Vec<(String, Score)> {
 
 #[test]
 fn accuracy_of_the_built_in_models_is_the_golden_one_in_both_precisions() {
-    let Some(root) = common::shared("data/dev_seqs") else {
+    let Some(root) = shared("data/dev_seqs") else {
         return;
     };
     let sequences = sequences(&root);

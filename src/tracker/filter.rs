@@ -422,58 +422,73 @@ mod tests {
             filter.respond(&network);
             filter.learn(&network, |_| Spot { row: 8.0, ..MIDDLE });
         }
-        assert_eq!(
-            filter
-                .memory
-                .iter()
-                .filter(|sample| sample.weight > 0.0)
-                .count(),
-            3,
-            "every third search is stored"
-        );
         let shape = filter.shape.unwrap();
         let (before, right) = residual(&filter);
+
         for _ in 0..300 {
             filter.step(&network, shape);
         }
+
         let (after, _) = residual(&filter);
-        assert!(
-            after < 1e-3 * right && after < before,
-            "{before}, then {after} of {right}"
-        );
+        assert!(after < 1e-3 * right, "{after} of {right}");
+        assert!(after < before, "{before}, then {after}");
+    }
+
+    #[test]
+    fn learn_stores_every_third_search() {
+        let network = network();
+        let mut filter = OnlineFilter::default();
+        filter.begin(&network, |_| MIDDLE);
+        filter.respond(&network);
+
+        for _ in 0..4 {
+            filter.learn(&network, |_| MIDDLE);
+        }
+
+        let stored = filter.memory.iter().filter(|sample| sample.weight > 0.0);
+        assert_eq!(stored.count(), 3, "the first search, and two of four");
     }
 
     #[test]
     fn filter_of_one_sample_responds_at_the_target_only() {
         let network = network();
         let mut filter = OnlineFilter::default();
-        assert!(filter.respond(&network).is_empty(), "no sample yet");
         let spot = Spot {
             row: 7.0,
             column: 14.0,
             side: 6.0,
         };
         filter.begin(&network, |_| spot);
+
         let response = filter.respond(&network).to_vec();
-        let best = (0..response.len())
-            .max_by(|a, b| response[*a].total_cmp(&response[*b]))
-            .unwrap();
-        assert!(
-            (best / 23).abs_diff(7) <= 1 && (best % 23).abs_diff(14) <= 1,
-            "peak at {best}"
-        );
-        assert!(response[best] > 0.5, "{}", response[best]);
+
+        // Distance of a cell of the 23 x 23 response from the spot, along the farther axis.
         let away = |i: usize| (i / 23).abs_diff(7).max((i % 23).abs_diff(14));
-        let elsewhere = (0..response.len())
-            .filter(|i| away(*i) > 4)
-            .map(|i| response[i])
-            .fold(0.0, f32::max);
-        assert!(
-            response[best] > 3.0 * elsewhere,
-            "{} and {elsewhere} elsewhere",
-            response[best]
-        );
+        let mut best = 0;
+        let mut elsewhere: f32 = 0.0;
+        for (i, value) in response.iter().enumerate() {
+            if *value > response[best] {
+                best = i;
+            }
+            if away(i) > 4 {
+                elsewhere = elsewhere.max(*value);
+            }
+        }
+        assert!(away(best) <= 1, "peak at {best}");
+        assert!(response[best] > 0.5, "{}", response[best]);
+        assert!(response[best] > 3.0 * elsewhere, "{elsewhere} elsewhere");
+    }
+
+    #[test]
+    fn filter_before_its_first_sample_or_after_clear_responds_nothing() {
+        let network = network();
+        let mut filter = OnlineFilter::default();
+        assert!(filter.respond(&network).is_empty());
+        filter.begin(&network, |_| MIDDLE);
+        assert!(!filter.respond(&network).is_empty());
+
         filter.clear();
+
         assert!(filter.respond(&network).is_empty());
     }
 
@@ -484,7 +499,9 @@ mod tests {
         filter.begin(&network, |_| MIDDLE);
         assert!(!filter.respond(&network).is_empty());
         filter.features[5] = f32::NAN;
+
         filter.learn(&network, |_| MIDDLE);
+
         assert!(filter.respond(&network).is_empty());
     }
 
@@ -493,16 +510,16 @@ mod tests {
         let network = network();
         let mut filter = OnlineFilter::default();
         filter.begin(&network, |_| MIDDLE);
+
         for _ in 0..200 {
             filter.learn(&network, |_| MIDDLE);
         }
-        let sum: f32 = filter.memory.iter().map(|sample| sample.weight).sum();
-        assert!(
-            (sum - 1.0).abs() < 1e-4 && filter.memory[0].weight > FIRST - 0.01,
-            "{:?}",
-            filter.memory[0].weight
-        );
-        assert!(filter.memory.iter().all(|sample| sample.weight > 0.0));
+
+        let weights: Vec<f32> = filter.memory.iter().map(|sample| sample.weight).collect();
+        let sum: f32 = weights.iter().sum();
+        assert!((sum - 1.0).abs() < 1e-4, "{weights:?}");
+        assert!(weights[0] > FIRST - 0.01, "{weights:?}");
+        assert!(weights.iter().all(|weight| *weight > 0.0), "{weights:?}");
         assert!(filter.filter.iter().all(|f| f.is_finite()));
     }
 }

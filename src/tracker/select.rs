@@ -119,6 +119,9 @@ impl Selector {
             config.online_filter
         };
         let (side, border) = self.response_geometry(response);
+
+        // Per cell: mix score and response, penalize changes of size and aspect, blend the window
+        // in, and keep the first maximum.
         let mut best: Option<Choice> = None;
         let cells = outputs.score.iter().zip(outputs.ltrb.chunks_exact(4));
         for (index, (score, ltrb)) in cells.enumerate() {
@@ -227,6 +230,7 @@ impl Selector {
         let column = best % side;
         let at =
             |row: usize, column: usize| response[row.min(side - 1) * side + column.min(side - 1)];
+        // Vertex of the parabola through three neighbors, as a crop pixel.
         let middle = |cell: usize, [before, here, after]: [f32; 3]| {
             let bend = before - 2.0 * here + after;
             let shift = if bend < 0.0 {

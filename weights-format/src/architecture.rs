@@ -683,7 +683,8 @@ mod tests {
             .iter()
             .map(|(_, shape)| shape.iter().product::<usize>())
             .sum();
-        assert_eq!(elements, 9_645_602 - 2 + 3_942); // docs/method.md, section 1.2: weights without si and bi, and biases
+        // docs/method.md, section 1.2: weights without si and bi, and biases
+        assert_eq!(elements, 9_645_602 - 2 + 3_942);
         assert_eq!(
             a.tensors()[0],
             ("backbone.conv1.weight".into(), vec![96, 11, 11, 3])

@@ -180,48 +180,47 @@ fn weights_that_no_reader_accepts_are_not_written() {
 #[test]
 fn file_written_over_another_replaces_it_as_a_whole() {
     let folder = Folder::new("replace");
-    let path = folder.join("model.safetensors");
-    fs::write(&path, "old").unwrap();
+    let path = folder.write("model.safetensors", "old");
     let weights = sample(Storage::F32);
+
     weights.write(&path).unwrap();
+
     assert_eq!(Weights::read(&path).unwrap(), weights);
-    let names: Vec<_> = fs::read_dir(folder.path())
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name())
-        .collect();
+    let entries = fs::read_dir(folder.path()).unwrap();
+    let names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(names, ["model.safetensors"], "no temporary file stays");
-    // The name is taken by a directory: the error names it, and again nothing stays.
+}
+
+#[test]
+fn file_written_over_a_folder_is_an_error_and_leaves_nothing() {
+    let folder = Folder::new("taken");
     let taken = folder.join("taken");
     fs::create_dir(&taken).unwrap();
-    let error = weights.write(&taken).unwrap_err().to_string();
+
+    let error = sample(Storage::F32).write(&taken).unwrap_err().to_string();
+
     assert!(error.contains("taken: cannot be written"), "{error}");
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
 #[test]
 fn unreadable_file_is_named_in_the_error() {
     let folder = Folder::new("unreadable");
     let absent = folder.join("absent.safetensors");
-    let error = Weights::read(&absent).unwrap_err();
-    assert!(matches!(&error, ReadError::File { path, .. } if *path == absent));
-    assert!(
-        error
-            .to_string()
-            .contains("absent.safetensors: cannot be read: "),
-        "{error}"
-    );
-    let error = Weights::read(folder.path()).unwrap_err().to_string();
-    assert!(error.contains("cannot be read: "), "{error}");
-    // A sparse file claims more than is ever read.
     let huge = folder.join("huge.safetensors");
+    // A sparse file claims more than is ever read.
     fs::File::create(&huge).unwrap().set_len(1 << 40).unwrap();
-    let error = Weights::read(&huge).unwrap_err().to_string();
-    assert!(
-        error.contains(
-            "huge.safetensors: file: expected at most 268435456 bytes, found 1099511627776"
-        ),
-        "{error}"
-    );
+    let too_long = "huge.safetensors: file: expected at most 268435456 bytes, found 1099511627776";
+    for (path, expected) in [
+        (&absent, "absent.safetensors: cannot be read: "),
+        (&folder.path().to_owned(), "cannot be read: "),
+        (&huge, too_long),
+    ] {
+        let error = Weights::read(path).unwrap_err();
+
+        assert!(matches!(&error, ReadError::File { path: named, .. } if named == path));
+        assert!(error.to_string().contains(expected), "{error}");
+    }
 }
 
 #[cfg(target_os = "linux")]

@@ -115,7 +115,7 @@ mod tests {
     use crate::rng::Rng;
     use kernels::Isa;
     use kernels::par::Threads;
-    use track_cpu::bbox::CenterBox;
+    use track_cpu::bbox::FrameBox;
     use track_cpu::crop::{Cropper, Region, scale};
 
     fn noise(width: usize, height: usize) -> Picture {
@@ -135,7 +135,7 @@ mod tests {
             (5.0, 66.6, 31.0, 9.0, 303),
             (-90.0, 20.0, 9.0, 9.0, 127),
         ] {
-            let target = CenterBox { cx, cy, w, h };
+            let target = FrameBox { cx, cy, w, h };
             let region = Region::around(&target, scale(f64::from(w), f64::from(h), 0.5, 127), side);
             let mut expected = vec![0; side * side * 3];
             Cropper::default().cut(
