@@ -14,7 +14,7 @@ use trainer::fit::{Claim, Fit, RunOptions, compute, refuse_used};
 use trainer::prune::{Ranks, prune as prune_by_rank};
 use trainer::queue::{self, Entry, State};
 use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
-use trainer::tune::{SHARES, correction, over_sequences};
+use trainer::tune::{SHARES, correction, leave_one_out, over_sequences};
 use trainer::validate::Validation;
 use weights_format::{Storage, TrackerParams, Weights};
 
@@ -232,7 +232,12 @@ pub fn export(args: &args::Export) -> Result<(), Error> {
         args::Dtype::F16 => Storage::F16,
         args::Dtype::F32 => Storage::F32,
     };
-    let validation = Validation::open(&args.validate, 0, args.validate_frames)?;
+    let validation = Validation::open(
+        &args.validate,
+        args::passes(args.four_starts),
+        0,
+        args.validate_frames,
+    )?;
     let mut report = None;
     if !validation.is_empty() {
         let found = validation.run(&fit.export(Storage::F32, &args.name, None)?, 2)?;
@@ -277,7 +282,12 @@ const WHILE_TRACKING: [Share; 2] = [
 
 /// `tune`.
 pub fn tune(args: args::Tune) -> Result<(), Error> {
-    let validation = Validation::open(&args.validate, 0, usize::MAX)?;
+    let validation = Validation::open(
+        &args.validate,
+        args::passes(args.four_starts),
+        0,
+        usize::MAX,
+    )?;
     measure(args.measure, |weights, dataset, pairs| {
         let quality = correction(weights, dataset, pairs)?;
         for (share, iou) in SHARES.into_iter().zip(quality) {
@@ -286,9 +296,15 @@ pub fn tune(args: args::Tune) -> Result<(), Error> {
         weights.header.tracker.correction = best_share(&quality);
         if !validation.is_empty() {
             for (name, set) in WHILE_TRACKING {
-                let quality = over_sequences(weights, &validation, set)?;
+                let reports = over_sequences(weights, &validation, set)?;
+                let quality = reports
+                    .each_ref()
+                    .map(|report| report.score().unwrap_or(0.0));
                 for (share, auc) in SHARES.into_iter().zip(quality) {
                     println!("{name} {share:.1}: AUC {auc:.2}");
+                }
+                if let Some(auc) = leave_one_out(&reports) {
+                    println!("{name} chosen on the other sequences: AUC {auc:.2}");
                 }
                 set(&mut weights.header.tracker, best_share(&quality));
             }

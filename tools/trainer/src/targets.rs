@@ -1,4 +1,4 @@
-//! What the head should say per cell of the score map (spec section 3.3).
+//! What the head should say per cell of the score map (docs/method.md, section 3.3).
 
 use crate::data::geometry::Corners;
 use autodiff::Tensor;

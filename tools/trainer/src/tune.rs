@@ -7,7 +7,8 @@
 use crate::data::Dataset;
 use crate::error::Error;
 use crate::rng::Rng;
-use crate::validate::Validation;
+use crate::validate::{Report, Validation, sequence_of};
+use std::collections::BTreeMap;
 use track_cpu::{Isa, Model, TrackConfig, Tracker, TrackerOptions};
 use weights_format::{TrackerParams, Weights};
 
@@ -70,7 +71,7 @@ pub fn correction(
     Ok(sums.map(|sum| sum / pairs as f64))
 }
 
-/// The AUC over sequences for each of [`SHARES`], as `set` puts it into the tracker's hyper-parameters.
+/// Accuracy over sequences for each of [`SHARES`], as `set` puts it into the tracker's hyper-parameters.
 ///
 /// # Errors
 /// If the weights are not those of a network that can run.
@@ -78,14 +79,45 @@ pub fn over_sequences(
     weights: &Weights,
     sequences: &Validation,
     set: impl Fn(&mut TrackerParams, f64),
-) -> Result<[f64; SHARES.len()], Error> {
+) -> Result<[Report; SHARES.len()], Error> {
     let mut weights = weights.clone();
-    let mut quality = [0.0; SHARES.len()];
-    for (share, auc) in SHARES.into_iter().zip(&mut quality) {
+    let mut reports = SHARES.map(|_| Report::default());
+    for (share, report) in SHARES.into_iter().zip(&mut reports) {
         set(&mut weights.header.tracker, share);
-        *auc = sequences.run(&weights, 2)?.score().unwrap_or(0.0);
+        *report = sequences.run(&weights, 2)?;
     }
-    Ok(quality)
+    Ok(reports)
+}
+
+/// Mean AUC over sequences, each with the share that is best on all others; `None` for fewer than two sequences.
+///
+/// Unlike the AUC of the best share, this figure is not chosen on the sequences on which it is measured.
+pub fn leave_one_out(reports: &[Report; SHARES.len()]) -> Option<f64> {
+    // AUC of each sequence with each share.
+    let mut table: BTreeMap<&str, [f64; SHARES.len()]> = BTreeMap::new();
+    let mut passes: BTreeMap<&str, f64> = BTreeMap::new();
+    for (k, report) in reports.iter().enumerate() {
+        for (name, _, accuracy) in &report.clips {
+            table.entry(sequence_of(name)).or_default()[k] += accuracy.auc;
+            if k == 0 {
+                *passes.entry(sequence_of(name)).or_default() += 1.0;
+            }
+        }
+    }
+    if table.len() < 2 {
+        return None;
+    }
+    let mean = |name: &str, k: usize| table[name][k] / passes.get(name).copied().unwrap_or(1.0);
+    let mut sum = 0.0;
+    for name in table.keys() {
+        let others = |k: usize| -> f64 {
+            let others = table.keys().filter(|other| *other != name);
+            others.map(|other| mean(other, k)).sum()
+        };
+        let best = (0..SHARES.len()).max_by(|a, b| others(*a).total_cmp(&others(*b)));
+        sum += mean(name, best.unwrap_or(0));
+    }
+    Some(sum / table.len() as f64)
 }
 
 #[cfg(test)]
@@ -93,6 +125,37 @@ mod tests {
     use super::*;
     use crate::data::DataOptions;
     use crate::fit::standard;
+    use crate::validate::Accuracy;
+
+    #[test]
+    fn left_out_sequence_does_not_choose_its_own_share() {
+        // Share number 1 is best for a alone, number 2 for both others.
+        let auc = [
+            ("a", [10.0, 90.0, 20.0]),
+            ("b", [10.0, 20.0, 60.0]),
+            ("c", [10.0, 20.0, 50.0]),
+        ];
+        let mut reports = SHARES.map(|_| Report::default());
+        for (k, report) in reports.iter_mut().enumerate().take(3) {
+            for (name, auc) in auc {
+                for suffix in ["", ".middle"] {
+                    let accuracy = Accuracy {
+                        precision: 0.0,
+                        auc: auc[k],
+                    };
+                    report
+                        .clips
+                        .push((format!("{name}{suffix}"), false, accuracy));
+                }
+            }
+        }
+
+        let found = leave_one_out(&reports).unwrap();
+
+        // b and c are chosen for by a and one other: 90 + 20 against 20 + 50 or 60.
+        assert!((found - (20.0 + 20.0 + 20.0) / 3.0).abs() < 1e-9, "{found}");
+        assert_eq!(leave_one_out(&SHARES.map(|_| Report::default())), None);
+    }
 
     #[test]
     fn boxes_of_a_network_that_errs_are_mended() {

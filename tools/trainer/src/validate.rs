@@ -1,7 +1,7 @@
-//! Accuracy as users meet it: one-pass evaluation with the real tracker on sequences and flights that are not trained on.
+//! Accuracy of weights, by tracking sequences and rendered flights with the real tracker.
 //!
-//! Precision at 20 pixels of the original video and success AUC by the rule of the got10k toolkit (spec section 4.2); frames
-//! without the target are left out.
+//! The figures are precision at 20 pixels of the original video and success AUC by the rule of the
+//! got10k toolkit (docs/method.md, section 4.2). Frames without the target do not count.
 
 use crate::data::picture::Picture;
 use crate::data::sequences::{self, Sequence};
@@ -16,17 +16,73 @@ use std::time::Instant;
 use track_cpu::{BBox, Isa, Model, Tracker};
 use weights_format::Weights;
 
-/// What is tracked to see how good weights are.
+/// The clips on which weights are judged.
 #[derive(Clone, Debug, Default)]
 pub struct Validation {
     clips: Vec<Clip>,
     max_frames: usize,
 }
 
+/// Passes over each sequence.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Passes {
+    /// From the first frame on.
+    #[default]
+    One,
+    /// From the first and the middle frame forwards, from the last and the middle frame backwards.
+    ///
+    /// A pass starts at the frame nearest to these that shows the target, as `ope run --four-starts` does.
+    Four,
+}
+
 #[derive(Clone, Debug)]
 enum Clip {
-    Video(Sequence),
+    Video(Sequence), // in the order of its pass
     Flight(FlightConfig),
+}
+
+/// What the name of a pass ends with.
+const SUFFIXES: [&str; 3] = [".middle", ".backwards", ".middle-backwards"];
+
+/// Name of the sequence of a pass.
+pub fn sequence_of(pass: &str) -> &str {
+    SUFFIXES
+        .iter()
+        .rev() // the longest first
+        .find_map(|suffix| pass.strip_suffix(suffix))
+        .unwrap_or(pass)
+}
+
+/// The four passes over a sequence; fewer where nothing is left behind a start.
+fn four_passes(whole: &Sequence) -> Vec<Sequence> {
+    let n = whole.frames.len();
+    let starts = [
+        ("", 0, false),
+        (SUFFIXES[0], n / 2, false),
+        (SUFFIXES[1], n.saturating_sub(1), true),
+        (SUFFIXES[2], n.div_ceil(2).saturating_sub(1), true),
+    ];
+    let mut passes = Vec::new();
+    for (suffix, nominal, backwards) in starts {
+        let visible = (0..n).filter(|i| whole.boxes[*i].is_some());
+        let Some(start) = visible.min_by_key(|i| i.abs_diff(nominal)) else {
+            continue;
+        };
+        let order: Vec<usize> = if backwards {
+            (0..=start).rev().collect()
+        } else {
+            (start..n).collect()
+        };
+        if order.len() > 1 {
+            passes.push(Sequence {
+                name: format!("{}{suffix}", whole.name),
+                frames: order.iter().map(|i| whole.frames[*i].clone()).collect(),
+                boxes: order.iter().map(|i| whole.boxes[*i]).collect(),
+                ..whole.clone()
+            });
+        }
+    }
+    passes
 }
 
 /// Accuracy on one clip, or the mean over clips; in percent.
@@ -41,7 +97,7 @@ pub struct Accuracy {
 /// Accuracy on all clips.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// Per clip: its name, whether its video is also trained on, its accuracy.
+    /// Per pass over a clip: its name, whether its video is also trained on, its accuracy.
     pub clips: Vec<(String, bool, Accuracy)>,
     /// Mean over real sequences whose videos are not trained on.
     pub clean: Option<Accuracy>,
@@ -54,7 +110,9 @@ pub struct Report {
 }
 
 impl Report {
-    /// The one number to compare by: AUC of the cleanest real sequences there are, or else of the flights.
+    /// The figure by which weights are compared.
+    ///
+    /// It is the AUC over real sequences that are not trained on, else over all real ones, else over flights.
     pub fn score(&self) -> Option<f64> {
         self.clean
             .or(self.real)
@@ -83,12 +141,13 @@ impl std::fmt::Display for Report {
 const FLIGHT_SEED: u64 = 0x5ee_d0ff_1195;
 
 impl Validation {
-    /// All sequences below some folders, and `flights` rendered flights; at most `max_frames` frames of each.
+    /// All sequences below some folders, and `flights` rendered flights; at most `max_frames` frames of each pass.
     ///
     /// # Errors
     /// If a folder cannot be read, or holds no sequence.
     pub fn open(
         folders: &[PathBuf],
+        passes: Passes,
         flights: usize,
         max_frames: usize,
     ) -> Result<Validation, Error> {
@@ -97,7 +156,10 @@ impl Validation {
             let mut skipped = Skipped::default();
             let found = sequences::find(folder, &mut skipped)?;
             eprint!("{skipped}");
-            let usable: Vec<_> = found.into_iter().filter(|s| s.boxes[0].is_some()).collect();
+            let usable: Vec<Sequence> = match passes {
+                Passes::One => found.into_iter().filter(|s| s.boxes[0].is_some()).collect(),
+                Passes::Four => found.iter().flat_map(four_passes).collect(),
+            };
             if usable.is_empty() {
                 let (data, what) = (folder.display().to_string(), "sequence".into());
                 return Err(Error::NoData {
@@ -126,7 +188,7 @@ impl Validation {
         self.clips.is_empty()
     }
 
-    /// Tracks every clip, `threads` at a time.
+    /// Tracks all clips, `threads` at a time.
     ///
     /// # Errors
     /// If the weights are not those of a network that can run.
@@ -191,7 +253,7 @@ impl Clip {
         matches!(self, Clip::Video(Sequence { in_train: true, .. }))
     }
 
-    /// One pass with one tracker; `None` if its first frame cannot be used.
+    /// Tracks the clip once; `None` if its first frame is unusable.
     fn track(&self, model: &Model, max_frames: usize) -> Option<Accuracy> {
         let mut run = Run {
             tracker: Tracker::new(model.clone()),
@@ -224,22 +286,21 @@ impl Clip {
     }
 }
 
-/// A tracker on its way through a clip.
+/// A tracker within a clip.
 struct Run {
     tracker: Tracker,
     pairs: Vec<(BBox, BBox)>, // found, true
 }
 
 impl Run {
-    /// The first frame gives the target; `None` if it cannot.
+    /// Tracks one frame; the first one gives the target. `None` if the tracker refuses it.
     fn frame(&mut self, picture: &Picture, truth: Option<BBox>) -> Option<()> {
-        let found = match self.pairs.is_empty() {
-            true => {
-                let bbox = truth?;
-                self.tracker.init(&picture.frame(), bbox).ok()?;
-                bbox
-            }
-            false => self.tracker.update(&picture.frame()).ok()?.bbox,
+        let found = if self.pairs.is_empty() {
+            let bbox = truth?;
+            self.tracker.init(&picture.frame(), bbox).ok()?;
+            bbox
+        } else {
+            self.tracker.update(&picture.frame()).ok()?.bbox
         };
         if let Some(truth) = truth {
             self.pairs.push((found, truth));
@@ -279,7 +340,50 @@ mod tests {
     use super::*;
 
     #[test]
-    fn accuracy_of_known_boxes() {
+    fn four_passes_start_where_the_target_is_visible() {
+        let some = Some(BBox::new(1.0, 1.0, 9.0, 9.0));
+        let whole = Sequence {
+            name: "set/a".into(),
+            frames: (0..6).map(|i| i.to_string().into()).collect(),
+            boxes: vec![some, some, some, None, some, None],
+            scale: 1.0,
+            in_train: false,
+        };
+
+        let passes = four_passes(&whole);
+
+        let order = |pass: &Sequence| -> String {
+            pass.frames
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect()
+        };
+        let found: Vec<_> = passes.iter().map(|p| (p.name.as_str(), order(p))).collect();
+        let expected = [
+            ("set/a", "012345"),
+            ("set/a.middle", "2345"),
+            ("set/a.backwards", "43210"),
+            ("set/a.middle-backwards", "210"),
+        ];
+        assert_eq!(
+            found,
+            expected.map(|(name, order)| (name, order.to_owned()))
+        );
+        for pass in &passes {
+            assert!(pass.boxes[0].is_some() && pass.boxes.len() == pass.frames.len());
+            assert_eq!(sequence_of(&pass.name), "set/a");
+        }
+        assert!(
+            four_passes(&Sequence {
+                boxes: vec![None; 6],
+                ..whole
+            })
+            .is_empty()
+        );
+    }
+
+    #[test]
+    fn known_boxes_have_their_accuracy() {
         let truth = BBox::new(10.0, 10.0, 40.0, 40.0);
         let perfect = accuracy(&[(truth, truth); 3], 1.0);
         assert!(
@@ -299,7 +403,7 @@ mod tests {
 
     #[test]
     fn flights_are_tracked_and_scored() {
-        let validation = Validation::open(&[], 2, 24).unwrap();
+        let validation = Validation::open(&[], Passes::One, 2, 24).unwrap();
         let random = Weights::random(crate::fit::standard(0.9), 1);
         let report = validation.run(&random, 2).unwrap();
         assert_eq!(

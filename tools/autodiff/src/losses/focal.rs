@@ -1,8 +1,8 @@
-//! Focal loss on logits (spec section 3.4): with `p = sigmoid(x)`, per point
+//! Focal loss on logits (docs/method.md, section 3.4): with `p = sigmoid(x)`, per point
 //! `-alpha (1 - p)^gamma ln p` where the label is 1 and `-(1 - alpha) p^gamma ln(1 - p)` where it is 0; points labeled
 //! -1 are left out. Summed over the batch, divided by the number of ones (at least 1).
 //!
-//! Gradient (spec section 3.9): label 1 `alpha (1 - p)^gamma (gamma p ln p - (1 - p))`, label 0
+//! Gradient (docs/method.md, section 3.9): label 1 `alpha (1 - p)^gamma (gamma p ln p - (1 - p))`, label 0
 //! `(1 - alpha) p^gamma (p - gamma (1 - p) ln(1 - p))`: the second is the first with `p` and `1 - p` exchanged and the
 //! sign turned.
 

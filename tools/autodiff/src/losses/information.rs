@@ -1,8 +1,8 @@
-//! The Jensen-Shannon estimate of mutual information from a statistics network's scores (spec section 3.7):
+//! The Jensen-Shannon estimate of mutual information from a statistics network's scores (docs/method.md, section 3.7):
 //! `-mean softplus(-t) - mean softplus(t')`, with `t` scores of pairs that belong together and `t'` of pairs that do not.
 //! It is at most 0; scores of 0 give `-2 ln 2`. Training maximizes it.
 //!
-//! Gradient (spec section 3.9): `sigmoid(-t) / n` and `-sigmoid(t') / n'`.
+//! Gradient (docs/method.md, section 3.9): `sigmoid(-t) / n` and `-sigmoid(t') / n'`.
 
 use crate::ops::{sigmoid, softplus};
 use crate::{Tape, Tensor, Var};

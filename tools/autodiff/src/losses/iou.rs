@@ -1,4 +1,4 @@
-//! Box regression: `-ln IoU` of boxes that are decoded from a map of offsets (spec sections 1.3, 3.4, 3.9).
+//! Box regression: `-ln IoU` of boxes that are decoded from a map of offsets (docs/method.md, sections 1.3, 3.4, 3.9).
 //!
 //! Column `ix`, row `iy` of the map is the point `(first + stride ix, first + stride iy)`. Its four values `o` become
 //! distances `e = stride exp(si o + bi)` to the left, top, right and bottom, and the box `(px - l, py - t, px + r, py + b)`. Sides

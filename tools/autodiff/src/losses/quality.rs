@@ -1,4 +1,4 @@
-//! Quality loss (spec section 3.4): binary cross-entropy of logits against targets in `[0, 1]`, less the targets' own
+//! Quality loss (docs/method.md, section 3.4): binary cross-entropy of logits against targets in `[0, 1]`, less the targets' own
 //! entropy, so that a perfect fit is 0. Points whose target is 0 are left out; divided by the number of the others (at
 //! least 1). Gradient `sigmoid(x) - target`.
 

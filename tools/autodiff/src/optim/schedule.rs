@@ -16,7 +16,7 @@ pub struct WarmupCosine {
 }
 
 impl WarmupCosine {
-    /// The reference implementation's: epoch 0 from 1e-6 to 0.08, then back to 1e-6 (spec section 3.5).
+    /// The reference implementation's: epoch 0 from 1e-6 to 0.08, then back to 1e-6 (docs/method.md, section 3.5).
     pub fn paper(epochs: usize, steps_per_epoch: usize) -> WarmupCosine {
         let total = epochs * steps_per_epoch;
         WarmupCosine {

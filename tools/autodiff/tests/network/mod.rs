@@ -1,4 +1,4 @@
-//! The training network of DR-MIM (spec sections 1 and 3.7): backbone, encoders, neck, head and statistics networks, with
+//! The training network of DR-MIM (docs/method.md, sections 1 and 3.7): backbone, encoders, neck, head and statistics networks, with
 //! parameters under PyTorch's names.
 
 use autodiff::{
@@ -284,7 +284,7 @@ impl DrMim {
         }
     }
 
-    /// Global and local estimates of the information between features `f` and their encodings (spec section 3.7).
+    /// Global and local estimates of the information between features `f` and their encodings (docs/method.md, section 3.7).
     fn information(&self, tape: &mut Tape, f: Var, encodings: Var) -> (Var, Var) {
         let rolled = tape.roll(f, 1);
         let average = tape.global_average(encodings);

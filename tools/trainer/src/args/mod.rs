@@ -8,7 +8,7 @@ mod training;
 pub use data::Data;
 pub use prune::Prune;
 pub use study::{Ablate, Sweep, comparable};
-pub use training::{Behavior, Training};
+pub use training::{Behavior, Training, passes};
 
 use clap::{Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -112,7 +112,10 @@ pub struct Export {
     /// Folders of sequences whose accuracy goes into the file
     #[arg(long, value_name = "DIR")]
     pub validate: Vec<PathBuf>,
-    /// Most frames of each to track
+    /// Four passes over each sequence: from its first and middle frame forwards, from its last and middle frame backwards
+    #[arg(long)]
+    pub four_starts: bool,
+    /// Most frames of each pass to track
     #[arg(long, default_value_t = 100_000)]
     pub validate_frames: usize,
 }
@@ -145,10 +148,13 @@ pub struct Measure {
 pub struct Tune {
     #[command(flatten)]
     pub measure: Measure,
-    /// Folders of sequences on which the template's share of later looks is chosen; without, it stays as it is. Rendered
-    /// flights will not do: what is rendered always looks the same
+    /// A folder of sequences on which the shares of template update and online filter are chosen; may be given several
+    /// times. Without, they stay. Rendered flights do not do: a rendered target always looks the same
     #[arg(long, value_name = "DIR")]
     pub validate: Vec<PathBuf>,
+    /// Four passes over each sequence: from its first and middle frame forwards, from its last and middle frame backwards
+    #[arg(long)]
+    pub four_starts: bool,
 }
 
 #[derive(Debug, clap::Args)]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use trainer::Error;
 use trainer::fit::{Budget, FitOptions, RunOptions, standard};
 use trainer::network::StatisticsNets;
-use trainer::validate::Validation;
+use trainer::validate::{Passes, Validation};
 use weights_format::Architecture;
 
 #[derive(Debug, clap::Args)]
@@ -88,6 +88,9 @@ pub struct Behavior {
     /// A folder of sequences to validate on; may be given several times
     #[arg(long, value_name = "DIR", help_heading = "Run")]
     pub validate: Vec<PathBuf>,
+    /// Four passes over each sequence: from its first and middle frame forwards, from its last and middle frame backwards
+    #[arg(long, help_heading = "Run")]
+    pub four_starts: bool,
     /// Rendered flights to validate on
     #[arg(long, default_value_t = 0, help_heading = "Run")]
     pub validate_flights: usize,
@@ -181,6 +184,15 @@ pub fn ratio_of(option: &str, ratio: f64) -> Result<f64, Error> {
     }
 }
 
+/// Passes over each sequence of the validation.
+pub fn passes(four_starts: bool) -> Passes {
+    if four_starts {
+        Passes::Four
+    } else {
+        Passes::One
+    }
+}
+
 impl Behavior {
     /// Threads that compute.
     pub fn threads(&self) -> usize {
@@ -202,6 +214,7 @@ impl Behavior {
             validate_minutes: minutes("--validate-minutes", validate_minutes)?,
             validation: Validation::open(
                 &self.validate,
+                passes(self.four_starts),
                 self.validate_flights,
                 self.validate_frames,
             )?,

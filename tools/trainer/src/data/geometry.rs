@@ -1,4 +1,4 @@
-//! From a target in a picture to its crops (spec sections 2.2 and 3.2).
+//! From a target in a picture to its crops (docs/method.md, sections 2.2 and 3.2).
 
 use super::augment::Augment;
 use super::picture::Picture;
@@ -17,7 +17,7 @@ pub struct View {
     pub bbox: BBox,
 }
 
-/// Corners of a box in crop pixels, pixel centers inclusive: left, top, right, bottom (spec section 3.2).
+/// Corners of a box in crop pixels, pixel centers inclusive: left, top, right, bottom (docs/method.md, section 3.2).
 pub type Corners = [f32; 4];
 
 /// Side of the template crop.

@@ -82,7 +82,7 @@ pub struct Sample {
     pub template: Vec<u8>,
     /// The search crop, `[search_size, search_size, 3]` BGR.
     pub search: Vec<u8>,
-    /// The template crop of the target in the search picture, `[127, 127, 3]` BGR (spec section 3.7, Z').
+    /// The template crop of the target in the search picture, `[127, 127, 3]` BGR (docs/method.md, section 3.7, Z').
     pub again: Vec<u8>,
     /// Side of the search crop.
     pub search_size: usize,

@@ -15,7 +15,7 @@ pub struct Picture {
     pub height: usize,
     /// `3 * width * height` bytes, RGB.
     pub data: Vec<u8>,
-    /// Mean color, BGR, truncated (spec section 2.2).
+    /// Mean color, BGR, truncated (docs/method.md, section 2.2).
     pub border: [u8; 3],
 }
 

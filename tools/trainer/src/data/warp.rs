@@ -29,54 +29,110 @@ impl Grid {
 }
 
 /// Samples `picture` on `grid`.
+///
+/// Pseudo-code: for each row, find the run of pixels whose four taps lie inside; gather its taps by
+/// channel and corner; blend each channel as one vector loop; treat the pixels beside the run one by
+/// one. A slanted line meets the picture in one run, since pictures are convex.
 pub fn warp(picture: &Picture, grid: &Grid) -> Vec<u8> {
-    let mut out = vec![0; grid.side * grid.side * 3];
-    let (width, height) = (picture.width, picture.height);
-    // Beyond these coordinates a tap lies outside the picture. The last pixel of the bytes is left to the careful path,
-    // since the fast one reads four bytes for a pixel of three.
-    let (right, bottom) = ((width - 1) as f64, (height - 1) as f64);
-    let end = picture.data.len();
-    for (j, row) in out.chunks_exact_mut(grid.side * 3).enumerate() {
+    let side = grid.side;
+    let mut out = vec![0; side * side * 3];
+    let mut run = Run::new(side);
+    // Beyond these coordinates a tap lies outside.
+    let right = (picture.width - 1) as f64;
+    let bottom = (picture.height - 1) as f64;
+    for (j, row) in out.chunks_exact_mut(side * 3).enumerate() {
         let start = [0, 1].map(|k| grid.origin[k] + grid.down[k] * j as f64);
-        for (i, out) in row.chunks_exact_mut(3).enumerate() {
+        let at = |i: usize| {
             let x = start[0] + grid.across[0] * i as f64;
             let y = start[1] + grid.across[1] * i as f64;
-            if x >= 0.0 && x < right && y >= 0.0 && y < bottom {
-                // Truncation is the floor of what is not negative, without a call of a library.
-                let (left, top) = (x as u32, y as u32);
-                let (dx, dy) = ((x - f64::from(left)) as f32, (y - f64::from(top)) as f32);
-                let upper = (top as usize * width + left as usize) * 3;
-                let lower = upper + width * 3;
-                if lower + 7 <= end {
-                    let taps = [upper, upper + 3, lower, lower + 3]
-                        .map(|at| pixel(&picture.data[at..at + 4]));
-                    let [r, g, b, _] = blend_pixels(taps, dx, dy);
-                    out.copy_from_slice(&[b, g, r]);
-                    continue;
-                }
+            [x, y]
+        };
+        let is_inside = |i: usize| {
+            let [x, y] = at(i);
+            x >= 0.0 && x < right && y >= 0.0 && y < bottom
+        };
+        let first = (0..side).position(is_inside).unwrap_or(side);
+        let count = (first..side)
+            .rposition(is_inside)
+            .map_or(0, |last| last + 1);
+        run.gather(picture, count, |i| at(first + i));
+        run.blend(&mut row[first * 3..(first + count) * 3]);
+        for i in (0..first).chain(first + count..side) {
+            let [x, y] = at(i);
+            let pixel = &mut row[i * 3..][..3];
+            let is_outside = x < -1.0 || x >= right + 1.0 || y < -1.0 || y >= bottom + 1.0;
+            if is_outside {
+                pixel.copy_from_slice(&picture.border);
+            } else {
+                edge(picture, x, y, pixel);
             }
-            edge(picture, x, y, out);
         }
     }
     out
 }
 
-/// The four bytes at a pixel as numbers: its three channels, and one of the next pixel.
-#[inline(always)]
-fn pixel(bytes: &[u8]) -> [f32; 4] {
-    [0, 1, 2, 3].map(|k| f32::from(bytes[k]))
+/// Taps of a run of output pixels, a list for each channel and corner, and where the pixels lie between them.
+struct Run {
+    taps: [[Vec<u8>; 4]; 3],
+    x: Vec<f32>,
+    y: Vec<f32>,
+    planes: [Vec<u8>; 3], // the blended channels
 }
 
-/// [`blend`] of four channels at once, which compiles to vector instructions.
-#[inline(always)]
-fn blend_pixels(taps: [[f32; 4]; 4], x: f32, y: f32) -> [u8; 4] {
-    let [a, b, c, d] = taps;
-    [0, 1, 2, 3].map(|k| {
-        let left = a[k] + (c[k] - a[k]) * y;
-        let right = b[k] + (d[k] - b[k]) * y;
-        let value = left + (right - left) * x;
-        (value + ROUNDING).to_bits() as u8
-    })
+impl Run {
+    /// Room for a run of `length` pixels.
+    fn new(length: usize) -> Run {
+        let corners = || [(); 4].map(|()| vec![0; length]);
+        Run {
+            taps: [(); 3].map(|()| corners()),
+            x: vec![0.0; length],
+            y: vec![0.0; length],
+            planes: [(); 3].map(|()| vec![0; length]),
+        }
+    }
+
+    /// Reads the taps of `count` pixels whose taps all lie inside the picture.
+    fn gather(&mut self, picture: &Picture, count: usize, at: impl Fn(usize) -> [f64; 2]) {
+        let pitch = 3 * picture.width;
+        let [red, green, blue] = &mut self.taps;
+        // Slices of one known length spare the loop its bounds checks.
+        let [red, green, blue] = [red, green, blue].map(|corners| {
+            let [a, b, c, d] = corners;
+            [a, b, c, d].map(|list| &mut list[..count])
+        });
+        let (xs, ys) = (&mut self.x[..count], &mut self.y[..count]);
+        for i in 0..count {
+            let [x, y] = at(i);
+            // Truncation is the floor of what is not negative, without a call of a library.
+            let (left, top) = (x as i32, y as i32);
+            xs[i] = (x - f64::from(left)) as f32;
+            ys[i] = (y - f64::from(top)) as f32;
+            let place = top as usize * pitch + left as usize * 3;
+            let upper = &picture.data[place..place + 6];
+            let lower = &picture.data[place + pitch..place + pitch + 6];
+            (red[0][i], green[0][i], blue[0][i]) = (upper[0], upper[1], upper[2]);
+            (red[1][i], green[1][i], blue[1][i]) = (upper[3], upper[4], upper[5]);
+            (red[2][i], green[2][i], blue[2][i]) = (lower[0], lower[1], lower[2]);
+            (red[3][i], green[3][i], blue[3][i]) = (lower[3], lower[4], lower[5]);
+        }
+    }
+
+    /// Blends the taps into BGR pixels.
+    fn blend(&mut self, out: &mut [u8]) {
+        let count = out.len() / 3;
+        let (x, y) = (&self.x[..count], &self.y[..count]);
+        for (corners, plane) in self.taps.iter().zip(&mut self.planes) {
+            let [a, b, c, d] = corners.each_ref().map(|list| &list[..count]);
+            // Only numbers in this loop: it compiles to vector instructions.
+            for (i, value) in plane[..count].iter_mut().enumerate() {
+                *value = blend([a[i], b[i], c[i], d[i]], x[i], y[i]);
+            }
+        }
+        let [red, green, blue] = self.planes.each_ref().map(|plane| &plane[..count]);
+        for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
+            pixel.copy_from_slice(&[blue[i], green[i], red[i]]);
+        }
+    }
 }
 
 /// One output pixel of which a tap may lie outside the picture.

@@ -53,7 +53,7 @@ pub struct FitOptions {
     pub decay: f32,
     /// Factor on the backbone's learning rate.
     pub backbone_rate: f32,
-    /// Whether backbone convolutions are frozen and thawed one by one (spec section 3.5).
+    /// Whether backbone convolutions are frozen and thawed one by one (docs/method.md, section 3.5).
     pub freeze: bool,
     /// Largest norm of the gradient; larger ones are scaled down. 0 for no limit.
     pub clip: f32,
@@ -99,7 +99,7 @@ impl FitOptions {
         }
     }
 
-    /// The reference implementation's schedule (spec section 3.5): for a backbone that was trained before.
+    /// The reference implementation's schedule (docs/method.md, section 3.5): for a backbone that was trained before.
     pub fn paper() -> FitOptions {
         FitOptions {
             statistics_nets: StatisticsNets::Full,
@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn rates_of_the_spec() {
         let paper = FitOptions::paper();
-        // Steps 6250, 12500, 62500 + 12500 .. of 250000 (spec section 3.5).
+        // Steps 6250, 12500, 62500 + 12500 .. of 250000 (docs/method.md, section 3.5).
         for (step, rate) in [
             (6250, 0.0400005),
             (12_500, 0.08),

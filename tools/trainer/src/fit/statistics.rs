@@ -6,7 +6,7 @@ use crate::network::Network;
 use autodiff::{Compute, Mode, Parameters, Tape};
 use std::collections::BTreeMap;
 
-/// Share of the batch in running statistics (spec section 1.1).
+/// Share of the batch in running statistics (docs/method.md, section 1.1).
 const MOMENTUM: f32 = 0.1;
 
 /// Replaces the running statistics by their means over `count` batches of the feed. No parameter changes.
@@ -84,7 +84,7 @@ pub fn estimate(
         .for_each(|(p, frozen)| p.frozen = frozen);
 }
 
-/// Added to the variance (spec section 1.1).
+/// Added to the variance (docs/method.md, section 1.1).
 const EPSILON: f64 = 1e-5;
 
 /// Sets every normalization, which changes nothing as it is, to the mean and variance of `count` batches of the feed, and

@@ -7,7 +7,7 @@ use weights_format::{Header, InputNormalization, LayerKind, Provenance, Storage,
 /// What the network sees of pixels in training.
 pub const INPUT: InputNormalization = InputNormalization::TRAINED;
 
-/// Added to the variance (spec section 1.1).
+/// Added to the variance (docs/method.md, section 1.1).
 const EPSILON: f64 = 1e-5;
 
 impl Network {

@@ -12,7 +12,7 @@ pub enum Init {
     /// He's normal weights and no biases: for training from nothing.
     #[default]
     Kaiming,
-    /// The reference implementation's for neck and head (spec section 1.4); He's for the backbone, which it takes from
+    /// The reference implementation's for neck and head (docs/method.md, section 1.4); He's for the backbone, which it takes from
     /// ImageNet.
     Paper,
 }

@@ -1,4 +1,4 @@
-//! All losses of a batch (spec sections 3.4 and 3.7).
+//! All losses of a batch (docs/method.md, sections 3.4 and 3.7).
 
 use super::{Network, Pass, Prediction, StatisticsNets, Template};
 use crate::targets::{Cells, Targets};

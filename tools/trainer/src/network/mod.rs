@@ -34,7 +34,7 @@ pub enum StatisticsNets {
     /// The global network sees the features' averages; 256 hidden units.
     #[default]
     Light,
-    /// The global network sees the whole maps; 512 hidden units (spec section 3.7).
+    /// The global network sees the whole maps; 512 hidden units (docs/method.md, section 3.7).
     Full,
 }
 

@@ -320,7 +320,7 @@ fn counts_the_parameters_of_the_spec() {
     };
     let deployed = 2_573_236;
     assert_eq!(count(StatisticsNets::None), deployed);
-    // E1, global and local statistics networks (spec section 3.7).
+    // E1, global and local statistics networks (docs/method.md, section 3.7).
     assert_eq!(
         count(StatisticsNets::Full),
         deployed + 147_840 + 7_341_569 + 460_289

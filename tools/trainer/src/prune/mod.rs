@@ -7,7 +7,7 @@
 //! | `choose` | how many filters stay, and which |
 //! | `slice` | parameters of the smaller network |
 //!
-//! Source: HRank, as P-SiamFC++ and DR-MIM use it (spec section 3.6).
+//! Source: HRank, as P-SiamFC++ and DR-MIM use it (docs/method.md, section 3.6).
 
 mod chain;
 mod choose;

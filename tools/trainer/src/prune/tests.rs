@@ -70,7 +70,7 @@ fn p_siamfcpp_from_its_published_ranks() {
     };
     assert_eq!(pruned.widths, expected);
 
-    // The same ranks under one ratio, for the totals of spec section 1.6.
+    // The same ranks under one ratio, for the totals of docs/method.md, section 1.6.
     for (tenths, total) in [
         (0, 9_655_380),
         (1, 7_796_411),

@@ -4,7 +4,7 @@ use super::*;
 use crate::data::DataOptions;
 use crate::fit::{Budget, standard};
 use crate::testing::{Folder, pictures};
-use crate::validate::{Accuracy, Validation};
+use crate::validate::{Accuracy, Passes, Validation};
 use weights_format::{Architecture, Encoder, Widths};
 
 fn outcome(group: &str, seed: u64, auc: f64) -> Outcome {
@@ -81,7 +81,7 @@ fn run_options(out: &Path) -> RunOptions {
         data_threads: 1,
         checkpoint_minutes: 0.0,
         validate_minutes: 1e9,
-        validation: Validation::open(&[], 1, 3).unwrap(),
+        validation: Validation::open(&[], Passes::One, 1, 3).unwrap(),
         stop_after: None,
     }
 }

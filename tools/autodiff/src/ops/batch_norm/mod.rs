@@ -2,7 +2,7 @@
 //!
 //! In training `mean` and `variance` (biased, over batch and positions, `m` values) are the batch's, and the running ones
 //! follow with momentum 0.1 (the running variance is the unbiased `m / (m - 1)` one). In evaluation they are the running
-//! ones, and constants on the way back (spec sections 1.1, 3.9).
+//! ones, and constants on the way back (docs/method.md, sections 1.1, 3.9).
 //!
 //! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`. Backwards, with `g` the gradient of `y` (zeroed
 //! where ReLU was), `n` the normalized input and `a = gamma / sqrt(variance + 1e-5)`:

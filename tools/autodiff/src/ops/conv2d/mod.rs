@@ -10,7 +10,7 @@
 //!   it, with the weights turned by half a turn and their channel axes exchanged. So it runs on the forward's kernels,
 //!   Winograd's among them.
 //!
-//! All three cost the forward's multiply-accumulates (spec section 3.9), fewer with Winograd's algorithm, and images of a batch run in
+//! All three cost the forward's multiply-accumulates (docs/method.md, section 3.9), fewer with Winograd's algorithm, and images of a batch run in
 //! parallel.
 
 mod weight_gradient;
