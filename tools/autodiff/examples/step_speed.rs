@@ -1,7 +1,8 @@
-//! Times training steps of the half-width network on random crops: pairs per second and peak memory.
+//! Times training steps of the half-width network on random crops: pairs per second and peak
+//! memory.
 //!
-//! `cargo run --release -p autodiff --example step_speed [SIZE [BATCH [THREADS [STEPS]]]]` (303, 16, 2, 5). The statistics
-//! networks see averages, with 256 hidden units.
+//! `cargo run --release -p autodiff --example step_speed [SIZE [BATCH [THREADS [STEPS]]]]` (303,
+//! 16, 2, 5). The statistics networks see averages, with 256 hidden units.
 
 #[path = "../tests/network/mod.rs"]
 mod network;
@@ -119,7 +120,8 @@ fn main() {
     let pairs = items as f64 / seconds[seconds.len() / 2];
     let memory = peak_mib().map_or("unknown".into(), |mib| format!("{mib:.0} MiB"));
     println!(
-        "{pairs:.2} pairs/s (median of {steps}; size {size}, batch {items}, threads {}, {}), peak memory {memory}",
+        "{pairs:.2} pairs/s (median of {steps}; size {size}, batch {items}, threads {}, {}), \
+         peak memory {memory}",
         compute.threads(),
         compute.isa(),
     );

@@ -1,4 +1,4 @@
-//! Holds an operation's gradients against differences of its values.
+//! Checks gradients of an operation against finite differences.
 
 use crate::{Compute, Mode, Parameters, Tape, Tensor, Var};
 
@@ -14,11 +14,13 @@ pub(crate) fn noise(shape: &[usize], seed: u64) -> Tensor {
     Tensor::new(shape, (0..shape.iter().product()).map(next).collect())
 }
 
-/// Asserts that the gradients of `operation` with respect to all `inputs` are what differences of its output say.
+/// Asserts that the gradients of `operation` with respect to all `inputs` equal finite differences
+/// of its output.
 ///
-/// The loss is the sum of the outputs times fixed random factors, in `f64`. The difference is the central one over four
-/// points, `(8 (f(h) - f(-h)) - (f(2h) - f(-2h))) / 12h` with `h = step`, exact for polynomials of degree four. No
-/// value may be off by more than `tolerance` times the RMS of its tensor's differences.
+/// The loss is the sum of the outputs times fixed random factors, in `f64`. The difference is the
+/// central one over four points, `(8 (f(h) - f(-h)) - (f(2h) - f(-2h))) / 12h` with `h = step`,
+/// exact for polynomials of degree four. No value may be off by more than `tolerance` times the RMS
+/// of its tensor's differences.
 pub(crate) fn check(
     inputs: &[Tensor],
     step: f32,
@@ -85,7 +87,8 @@ pub(crate) fn check_with(
             let error = (f64::from(*found) - expected).abs();
             assert!(
                 error <= tolerance * rms.max(1e-3),
-                "gradient of input {n} [{i}] is {found}, differences say {expected}, off by {:.1e} of the RMS {rms}",
+                "gradient of input {n} [{i}] is {found}, differences say {expected}, \
+                 off by {:.1e} of the RMS {rms}",
                 error / rms
             );
         }

@@ -1,9 +1,9 @@
-//! What a tape computes with: an instruction set, worker threads, and buffers that outlive a step. The only file that
-//! names rayon.
+//! The resources of a tape: instruction set, worker threads, and buffers that are reused between
+//! steps. Only this file uses rayon.
 //!
-//! Work is cut into parts (mostly: images of the batch) whose number never depends on the number of threads, each part is
-//! computed by one thread in one order, and sums over parts run in the parts' order: results are the same bits on any
-//! number of threads.
+//! Work is split into parts, mostly the images of the batch. The number of parts does not depend on
+//! the number of threads, one thread computes each part, and sums over parts run in the order of
+//! the parts. So results have the same bits on any number of threads.
 
 use crate::Tensor;
 use kernels::conv::{Algorithm, ConvShape};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// An instruction set, worker threads, and buffers that are used again in the next step.
+/// Instruction set, worker threads, and buffers that are reused in the next step.
 #[derive(Debug)]
 pub struct Compute {
     isa: Isa,
@@ -39,10 +39,11 @@ struct Shelf {
 }
 
 impl Compute {
-    /// The most threads there can be.
+    /// Largest number of threads.
     pub const MAX_THREADS: usize = kernels::par::Threads::MAX;
 
-    /// `threads` workers, held between 1 and [`MAX_THREADS`](Self::MAX_THREADS), on the machine's fastest instruction set.
+    /// `threads` workers, held between 1 and [`MAX_THREADS`](Self::MAX_THREADS), on the machine's
+    /// fastest instruction set.
     ///
     /// # Errors
     /// If the system refuses to start the threads.
@@ -72,10 +73,11 @@ impl Compute {
         })
     }
 
-    /// Lets convolutions take Winograd's algorithm where that is expected to be faster.
+    /// Allows Winograd's algorithm for convolutions for which it is expected to be faster.
     ///
-    /// A step then takes little more than half the time, and values are off by some 1e-5 of their RMS in place of 1e-7: nothing to
-    /// training, but more than a comparison with other code's gradients may allow, so it has to be asked for.
+    /// A step then takes little more than half the time. Values are off by about 1e-5 of their RMS
+    /// in place of 1e-7: irrelevant for training, but too much for a comparison with gradients of
+    /// other code. So it is off by default.
     pub fn with_winograd(self) -> Compute {
         Compute {
             winograd: true,
@@ -97,7 +99,7 @@ impl Compute {
         self.winograd
     }
 
-    /// How many threads work.
+    /// Number of worker threads.
     pub fn threads(&self) -> usize {
         self.workers.current_num_threads()
     }
@@ -107,7 +109,8 @@ impl Compute {
         self.isa
     }
 
-    /// Calls `work(i, part)` for each part of `len` values of `out`, in parallel. The last part may be shorter.
+    /// Calls `work(i, part)` for each part of `len` values of `out`, in parallel. The last part may
+    /// be shorter.
     pub(crate) fn each<T: Send>(
         &self,
         out: &mut [T],
@@ -137,8 +140,8 @@ impl Compute {
         });
     }
 
-    /// The calling worker's `len` values of scratch space, of no particular content. Call within [`each`](Self::each), once
-    /// at a time.
+    /// The calling worker's `len` values of scratch space, of no particular content. Call within
+    /// [`each`](Self::each), once at a time.
     pub(crate) fn scratch<R>(&self, len: usize, work: impl FnOnce(&mut [f32]) -> R) -> R {
         let mut space = lock(&self.scratch[rayon::current_thread_index().unwrap_or(0)]);
         if space.len() < len {
@@ -199,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_part_once() {
+    fn each_visits_every_part_once() {
         for threads in [1, 3] {
             let compute = Compute::new(threads).unwrap();
             assert_eq!(compute.threads(), threads);
@@ -216,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn buffers_come_back_but_do_not_pile_up() {
+    fn lent_buffers_are_reused_and_freed_when_unused() {
         let compute = Compute::new(1).unwrap();
         let kept = |len| {
             lock(&compute.buffers)
@@ -235,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn scratch_grows() {
+    fn scratch_grows_to_the_requested_length() {
         let compute = Compute::new(2).unwrap();
         let mut out = [0; 4];
         compute.each(&mut out, 1, |i, part| {

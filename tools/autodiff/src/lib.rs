@@ -1,7 +1,8 @@
-//! A small reverse-mode tape over `f32` batches: the base of the trainer.
+//! Reverse-mode automatic differentiation over `f32` batches, for the trainer.
 //!
-//! A [`Tape`] writes down a computation while it runs; [`Tape::backward`] reads it backwards and leaves the gradients in the
-//! [`Parameters`]; an [`Optimizer`](optim::Optimizer) then moves the parameters. Maps are `[batch, height, width, channels]`.
+//! A [`Tape`] records a computation while it runs. [`Tape::backward`] walks it in reverse and
+//! accumulates the gradients in the [`Parameters`]. An [`Optimizer`](optim::Optimizer) then updates
+//! the parameters. Maps are `[batch, height, width, channels]`.
 //!
 //! ```
 //! use autodiff::optim::{Optimizer, Sgd};
@@ -30,7 +31,7 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | tape, variables, the way back | [`Tape`], `tape.rs` |
+//! | tape, variables, the backward pass | [`Tape`], `tape.rs` |
 //! | operations: forward, backward and gradient check together | `ops/`, one file each |
 //! | losses with gradients in closed form | `losses/`, one file each |
 //! | SGD, AdamW, clipping, learning rates | [`optim`] |

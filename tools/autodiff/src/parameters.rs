@@ -1,4 +1,4 @@
-//! What is trained, and what is kept beside it: named tensors with their gradients and training options.
+//! Named tensors with their gradients and training options: parameters and statistics.
 
 use crate::Tensor;
 use std::collections::HashMap;
@@ -16,7 +16,7 @@ pub struct Parameter {
     pub value: Tensor,
     /// The sum of its gradients since [`Parameters::clear_gradients`]; none if no loss reached it.
     pub gradient: Option<Tensor>,
-    /// Whether it keeps its value: no gradient is computed for it, no optimizer moves it.
+    /// Whether training leaves its value as it is: it gets no gradient and no update.
     pub frozen: bool,
     /// Factor on the learning rate.
     pub rate: f32,
@@ -30,12 +30,13 @@ impl Parameter {
         &self.name
     }
 
-    /// Whether an optimizer may move it: it is no statistic and not frozen.
+    /// Whether an optimizer may update it: it is neither a statistic nor frozen.
     pub fn is_trained(&self) -> bool {
         self.trained && !self.frozen
     }
 
-    /// Whether it is a statistic, such as a running mean: kept with the parameters, but not learned by gradient.
+    /// Whether it is a statistic, such as a running mean: kept with the parameters, but not learned
+    /// by gradient.
     pub fn is_statistic(&self) -> bool {
         !self.trained
     }
@@ -93,7 +94,8 @@ impl Parameters {
         self.push(name.into(), value, true)
     }
 
-    /// Adds a statistic, which is saved like a parameter but never learned by gradient. Panics if the name is taken.
+    /// Adds a statistic, which is saved like a parameter but never learned by gradient. Panics if
+    /// the name is taken.
     pub fn add_statistic(&mut self, name: impl Into<String>, value: Tensor) -> ParameterId {
         self.push(name.into(), value, false)
     }
@@ -132,7 +134,7 @@ impl Parameters {
         self.list.iter_mut()
     }
 
-    /// Forgets all gradients, as every step begins.
+    /// Clears all gradients, at the beginning of a step.
     pub fn clear_gradients(&mut self) {
         self.iter_mut()
             .for_each(|parameter| parameter.gradient = None);
@@ -177,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn state_comes_back() {
+    fn saved_state_is_restored() {
         let mut parameters = Parameters::new();
         parameters.add("a", Tensor::new(&[2], vec![1.0, -0.0]));
         parameters.add_statistic("b", Tensor::scalar(3.0));
@@ -203,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_state_is_refused_by_name() {
+    fn unknown_state_is_refused_by_name() {
         let mut parameters = Parameters::new();
         parameters.add("a", Tensor::zeros(&[2]));
         assert_eq!(
@@ -224,7 +226,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "two parameters named 'a'")]
-    fn names_are_unique() {
+    fn second_parameter_of_a_name_panics() {
         let mut parameters = Parameters::new();
         parameters.add("a", Tensor::scalar(0.0));
         parameters.add("a", Tensor::scalar(0.0));

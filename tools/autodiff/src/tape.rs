@@ -1,9 +1,9 @@
-//! The tape: a computation is written down while it runs forward, and read backwards for its gradients.
+//! The tape records a computation while it runs, and computes its gradients in reverse order.
 //!
-//! Every value on the tape is a node; an operation appends one node and remembers the nodes it read. [`Tape::backward`]
-//! takes nodes off the end, one by one. When a node's turn comes, all that used it have added their shares to its gradient,
-//! so the gradient is complete; the node's operation turns it into shares for the nodes it read, and the node's value is
-//! no longer needed by anyone.
+//! Every value on the tape is a node; an operation appends one node and remembers the nodes it
+//! read. [`Tape::backward`] pops nodes off the end. When a node is popped, every user of it has
+//! added its share to the node's gradient, so that gradient is complete. The node's operation turns
+//! it into shares for the nodes it read, and the node's value is freed.
 
 use crate::{Compute, ParameterId, Parameters, Tensor};
 use kernels::conv::{Algorithm, Conv};
@@ -23,9 +23,10 @@ pub enum Mode {
     Evaluation,
 }
 
-/// How an operation goes backwards.
+/// The backward pass of an operation.
 pub(crate) trait Operation {
-    /// Adds to the gradients of the operation's inputs, given its `output` and the `gradient` of the loss with respect to it.
+    /// Adds to the gradients of the operation's inputs, given its `output` and the `gradient` of
+    /// the loss with respect to it.
     fn backward(&self, tape: &mut Tape, output: &Tensor, gradient: Tensor);
 }
 
@@ -105,7 +106,7 @@ impl<'a> Tape<'a> {
         var
     }
 
-    /// What a variable is.
+    /// The value of a variable.
     pub fn value(&self, var: Var) -> &Tensor {
         match &self.nodes[var.0].value {
             Value::Own(value) => value,
@@ -118,7 +119,8 @@ impl<'a> Tape<'a> {
         self.value(var).shape()
     }
 
-    /// Adds the gradients of the scalar `loss` to those of the parameters, and returns those of the inputs.
+    /// Adds the gradients of the scalar `loss` to those of the parameters, and returns those of the
+    /// inputs.
     ///
     /// Panics if `loss` is not one value.
     pub fn backward(self, loss: Var) -> Gradients {
@@ -131,7 +133,8 @@ impl<'a> Tape<'a> {
         self.backward_from(loss, Tensor::full(&shape, 1.0))
     }
 
-    /// As [`backward`](Self::backward) for a loss that depends on `output` with that `gradient`, of the same shape.
+    /// As [`backward`](Self::backward) for a loss that depends on `output` with that `gradient`, of
+    /// the same shape.
     pub fn backward_from(mut self, output: Var, gradient: Tensor) -> Gradients {
         assert_eq!(
             self.shape(output),
@@ -196,12 +199,12 @@ impl<'a> Tape<'a> {
         Var(self.nodes.len() - 1)
     }
 
-    /// Whether anyone wants a variable's gradient.
+    /// Whether a variable's gradient is needed.
     pub(crate) fn needs_gradient(&self, var: Var) -> bool {
         self.nodes[var.0].needs_gradient
     }
 
-    /// Adds a share to a variable's gradient, if anyone wants it.
+    /// Adds a share to a variable's gradient if that is needed.
     pub(crate) fn add_gradient(&mut self, var: Var, share: Tensor) {
         debug_assert_eq!(self.shape(var), share.shape(), "gradient of a variable");
         if self.needs_gradient(var) {
@@ -243,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_add_up_until_they_are_cleared() {
+    fn gradients_accumulate_until_cleared() {
         let mut parameters = Parameters::new();
         let w = parameters.add("w", Tensor::new(&[1, 2], vec![2.0, 7.0]));
         for times in [1.0, 2.0] {
@@ -267,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn what_needs_no_gradient_records_no_operation() {
+    fn value_without_gradient_records_no_operation() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let w = parameters.add("w", Tensor::scalar(2.0));
@@ -285,7 +288,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "a loss is one value, found [2]")]
-    fn refuses_a_loss_of_many_values() {
+    fn loss_of_many_values_panics() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);

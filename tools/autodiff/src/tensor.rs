@@ -2,7 +2,8 @@
 
 use kernels::Size;
 
-/// A dense array of `f32`, last extent innermost. Batches of maps are `[batch, height, width, channels]`, scalars `[]`.
+/// A dense array of `f32`, last extent innermost. Batches of maps are
+/// `[batch, height, width, channels]`, scalars `[]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
     shape: Vec<usize>,
@@ -129,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shapes() {
+    fn tensor_shapes_give_extents() {
         assert_eq!(Tensor::scalar(2.0).item(), 2.0);
         let maps = Tensor::zeros(&[2, 3, 4, 5]).maps("test");
         assert_eq!((maps.image(), maps.shape()), (60, [2, 3, 4, 5]));
@@ -138,13 +139,13 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "values of a tensor [2, 2]")]
-    fn refuses_a_wrong_count() {
+    fn tensor_with_a_wrong_count_panics() {
         Tensor::new(&[2, 2], vec![0.0; 3]);
     }
 
     #[test]
     #[should_panic(expected = "pool needs maps [batch, height, width, channels], found [2, 3]")]
-    fn refuses_what_is_no_map() {
+    fn pool_of_a_non_map_panics() {
         Tensor::zeros(&[2, 3]).maps("pool");
     }
 }

@@ -1,6 +1,7 @@
 //! Loops over slices, compiled once per instruction set and run in parallel.
 //!
-//! The loops are plain; entering the instruction set around them lets the compiler use its whole vectors.
+//! The loops are plain; entering the instruction set around them lets the compiler use its whole
+//! vectors.
 
 use crate::Compute;
 use kernels::simd::{Kernel, Simd};
@@ -81,7 +82,7 @@ mod tests {
     use kernels::Isa;
 
     #[test]
-    fn every_value_once_across_parts() {
+    fn update_visits_every_value_once() {
         for isa in Isa::available() {
             let compute = Compute::with_isa(3, isa).unwrap();
             for len in [0, 1, PART, 2 * PART + 7] {

@@ -1,4 +1,5 @@
-//! One training step, and five steps of SGD, of a narrow network against the reference implementation's in `f64`.
+//! One training step, and five steps of SGD, of a narrow network against the reference
+//! implementation's in `f64`.
 
 mod network;
 
@@ -64,7 +65,8 @@ impl Golden<'_> {
         Tensor::new(&[a, h, w, b], moved.collect())
     }
 
-    /// The same values in the parameter's own shape (the statistics networks' 1x1 convolutions are linear layers here).
+    /// The same values in the parameter's own shape (the statistics networks' 1x1 convolutions are
+    /// linear layers here).
     fn like(&self, name: &str, shape: &[usize]) -> Tensor {
         Tensor::new(shape, self.get(name).into_data())
     }
@@ -160,14 +162,15 @@ fn error(found: &Tensor, expected: &Tensor, floor: f64) -> f64 {
 }
 
 #[test]
-fn one_step() {
+fn training_step_equals_the_reference() {
     one_step_with(Compute::new(2).unwrap(), 1e-3);
 }
 
-/// Its rounding turns some of the ReLUs and maxima, and each of them moves the gradients below: two in E2 move its biases' by 6 %.
-/// That each convolution alone is exact, `winograd_changes_little` tests.
+/// Its rounding turns some of the ReLUs and maxima, and each of them moves the gradients below: two
+/// in E2 move its biases' by 6 %. That each convolution alone is exact, `winograd_changes_little`
+/// tests.
 #[test]
-fn one_step_with_winograd() {
+fn training_step_with_winograd_stays_near_the_reference() {
     one_step_with(Compute::new(2).unwrap().with_winograd(), 0.1);
 }
 
@@ -204,7 +207,8 @@ fn one_step_with(compute: Compute, tolerance: f64) {
     for parameter in parameters.iter() {
         let (name, shape) = (parameter.name(), parameter.value.shape());
         let (found, expected, floor) = match &parameter.gradient {
-            // Before a normalization a bias has no gradient but rounding errors; these are judged by its weights' gradient.
+            // Before a normalization a bias has no gradient but rounding errors; these are judged
+            // by its weights' gradient.
             Some(gradient) => {
                 let weights = name
                     .strip_suffix(".conv.bias")
@@ -232,11 +236,12 @@ fn one_step_with(compute: Compute, tolerance: f64) {
     }
 }
 
-/// In the fourth step one predicted edge comes within 0.0002 px of the true one, and a ReLU as close to 0. The gradient jumps
-/// there, and `f32` rounding decides the side. So the true edge is moved away by some thousandths of a pixel, more than the
-/// rounding and less than anything tested here, and one of the ways to do so must lead along the reference's path.
+/// In the fourth step one predicted edge comes within 0.0002 px of the true one, and a ReLU as
+/// close to 0. The gradient jumps there, and `f32` rounding decides the side. So the true edge is
+/// moved away by some thousandths of a pixel, more than the rounding and less than anything tested
+/// here, and one of the ways to do so must lead along the reference's path.
 #[test]
-fn five_steps() {
+fn five_steps_equal_the_reference() {
     let Some(bytes) = golden() else { return };
     let golden = Golden::new(&bytes);
     let run = |isa, threads, moved| {

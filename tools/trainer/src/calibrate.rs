@@ -1,8 +1,8 @@
-//! Ranges of activations, measured on crops, for convolutions that run on bytes.
+//! Calibration for int8: ranges of the convolutions' inputs, measured on crops.
 //!
-//! The range of a layer's input is the one that loses least: 256 steps over all values found are coarse if a few of them lie far
-//! out, so both ends are drawn in as far as the mean squared error falls. Half of it is rounding, `step^2 / 12` for each value inside; the
-//! other half is what is cut off outside.
+//! The range of a layer's input minimizes the mean squared error. It is the sum of rounding,
+//! `step^2 / 12` for each value inside, and of clipping outside. A few outliers would make 256
+//! steps coarse, so both ends are drawn in as long as the error falls.
 
 use crate::data::Dataset;
 use crate::error::Error;
@@ -11,7 +11,7 @@ use track_cpu::net::Network;
 use track_cpu::{Isa, Model, Precision};
 use weights_format::{Calibration, Range, Weights};
 
-/// Samples for calibration are far behind all that are trained on.
+/// First sample for calibration, far beyond all training samples.
 const FIRST: u64 = 1 << 45;
 
 /// Bins of a histogram.
@@ -58,7 +58,8 @@ pub fn calibrate(weights: &Weights, dataset: &Dataset, pairs: u64) -> Result<Cal
     })
 }
 
-/// Passes crops through the network and shows the input of every convolution, both branches.
+/// Runs crops through the network and passes the input of every convolution in both branches to a
+/// visitor.
 fn each_input(
     network: &mut Network,
     dataset: &Dataset,
@@ -89,7 +90,7 @@ fn each_input(
     }
 }
 
-/// How often values fell where, from `low` to `high`.
+/// A histogram of values from `low` to `high`.
 struct Histogram {
     low: f32,
     high: f32,
@@ -162,7 +163,7 @@ mod tests {
     use crate::fit::standard;
 
     #[test]
-    fn ends_are_drawn_in_only_where_it_pays() {
+    fn range_is_clipped_only_if_the_error_falls() {
         let mut even = Histogram::new(-1.0, 1.0);
         (0..10_000).for_each(|i| even.add(i as f32 / 5000.0 - 1.0));
         assert_eq!(
@@ -180,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn every_convolution_but_the_first_and_the_outputs() {
+    fn calibration_covers_all_but_first_and_last_convolutions() {
         let weights = Weights::random(standard(0.9), 3);
         let options = DataOptions {
             seed: 1,

@@ -1,4 +1,4 @@
-//! What the sub-commands do.
+//! The subcommands.
 
 use crate::args;
 use clap::Parser;
@@ -39,7 +39,7 @@ pub fn fit(args: &args::Fit) -> Result<(), Error> {
         let fresh = fit.take_over(init);
         if !fresh.is_empty() {
             eprintln!(
-                "not in {}, so begun anew: {}",
+                "initialized, since {} lacks them: {}",
                 path.display(),
                 fresh.join(", ")
             );
@@ -148,9 +148,10 @@ pub fn prune(args: &args::Prune) -> Result<(), Error> {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let threads = args.threads.unwrap_or(cores);
     let mut source = Fit::open(&args.network)?;
-    let dataset = match args.data.data.is_empty() {
-        true => dataset_of(&source)?,
-        false => Arc::new(args.data.open()?),
+    let dataset = if args.data.data.is_empty() {
+        dataset_of(&source)?
+    } else {
+        Arc::new(args.data.open()?)
     };
     source.unfold(&compute(threads)?, &dataset, 1);
     let ranks = Ranks::measure(&source, &dataset, args.pairs, threads)?;
@@ -269,7 +270,7 @@ pub fn quantize(args: args::Measure) -> Result<(), Error> {
     })
 }
 
-/// What is learned while tracking, and where its share stands, in the order of tuning.
+/// Constants that are tuned on sequences, in this order: name and setter.
 type Share = (&'static str, fn(&mut TrackerParams, f64));
 const WHILE_TRACKING: [Share; 2] = [
     ("template update", |tracker, share| {
@@ -319,7 +320,7 @@ fn best_share(quality: &[f64; SHARES.len()]) -> f64 {
     best.map_or(0.0, |best| SHARES[best])
 }
 
-/// Adds to a weights file what is found out about it from data.
+/// Writes a copy of a weights file to which `find` adds what it measures on data.
 fn measure(
     mut args: args::Measure,
     find: impl FnOnce(&mut Weights, &Dataset, u64) -> Result<(), Error>,

@@ -1,10 +1,10 @@
-//! What can go wrong, grouped by who is at fault.
+//! Errors of the trainer.
 
 use std::path::PathBuf;
 
 pub(crate) use weights_format::brief;
 
-/// Why the trainer gave up.
+/// An error that ends the program.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The operating system refused a file or folder.

@@ -1,7 +1,8 @@
 //! Training runs one after another, from a list in a text file.
 //!
-//! Each line names a run and gives the options of `train fit`; `#` begins a comment and `\` at the end of a line continues it.
-//! The runs of a list lie beside each other in one folder. `@NAME` in an option stands for the end of an earlier run of the list.
+//! Each line names a run and gives the options of `train fit`; `#` begins a comment and `\` at the
+//! end of a line continues it. The runs of a list lie beside each other in one folder. `@NAME` in
+//! an option stands for the end of an earlier run of the list.
 
 use crate::error::Error;
 use crate::fit::{Budget, Fit};
@@ -54,8 +55,8 @@ impl Entry {
 /// Reads a list of runs whose results lie in `folder`.
 ///
 /// # Errors
-/// If the file cannot be read, or a line has no name that can name a folder, or the name of an earlier line, or `@` before a
-/// name that no earlier line has.
+/// If the file cannot be read, or a line has no name that can name a folder, or the name of an
+/// earlier line, or `@` before a name that no earlier line has.
 pub fn read(file: &Path, folder: &Path) -> Result<Vec<Entry>, Error> {
     let text = fs::read_to_string(file).map_err(Error::io(file))?;
     let mut entries = Vec::new();

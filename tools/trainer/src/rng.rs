@@ -1,12 +1,12 @@
-//! Random numbers that a restart and the timing of threads cannot change: one small generator per sample.
+//! Random numbers that are independent of restarts and thread timing: one generator per sample.
 
 use scenes::SplitMix64;
 use std::f32::consts::TAU;
 
 /// [`SplitMix64`] with the distributions that training draws from.
 ///
-/// A sample's generator is made from the run's seed and the sample's index alone, so that it does not matter which thread
-/// makes it, when, or after which restart.
+/// A sample's generator is made from the run's seed and the sample's index alone, so that it does
+/// not matter which thread makes it, when, or after which restart.
 #[derive(Clone, Debug)]
 pub struct Rng(SplitMix64);
 
@@ -55,7 +55,8 @@ impl Rng {
         self.unit() < p
     }
 
-    /// Whether something of probability `p` happens; draws no bits where `p` is 0, so that samples of older options stay.
+    /// Whether something of probability `p` happens; draws no bits where `p` is 0, so that samples
+    /// of older options stay.
     pub fn sometimes(&mut self, p: f32) -> bool {
         p > 0.0 && self.chance(p)
     }
@@ -65,7 +66,8 @@ impl Rng {
         &from[self.below(from.len())]
     }
 
-    /// An index, as likely as its share of the weights; `cumulative` holds their running sums, the last above 0.
+    /// An index, as likely as its share of the weights; `cumulative` holds their running sums, the
+    /// last above 0.
     pub fn weighted(&mut self, cumulative: &[f64]) -> usize {
         let total = cumulative.last().copied().unwrap_or_default();
         let at = (self.bits() >> 11) as f64 / (1u64 << 53) as f64 * total;
@@ -86,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uniform_and_normal() {
+    fn uniform_and_normal_numbers_have_their_moments() {
         let mut rng = Rng::new(1, 2, 3);
         let n = 20_000;
         let (mut sum, mut squares, mut normal_sum, mut normal_squares) = (0.0, 0.0, 0.0, 0.0);
@@ -104,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_kept_and_zero_weight_never_comes() {
+    fn weighted_draw_follows_the_weights() {
         let mut rng = Rng::new(9, 0, 0);
         let cumulative = [0.0, 1.0, 1.0, 4.0];
         let mut counts = [0; 4];
@@ -114,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn every_index_has_its_own_stream() {
+    fn every_index_has_a_different_stream() {
         let first = |seed, stream, index| Rng::new(seed, stream, index).bits();
         let mut all = vec![];
         for i in 0..10 {

@@ -1,4 +1,4 @@
-//! Contact sheets of sampled pairs, to look at.
+//! Contact sheets of sampled pairs.
 
 use crate::data::{Dataset, Sample};
 use crate::error::Error;
@@ -10,10 +10,12 @@ const ROWS: usize = 4;
 const TEMPLATE: u32 = 127;
 const GAP: u32 = 4;
 
-/// Writes `sheets` contact sheets of 24 pairs each into `folder`, from sample number `first` on; the files' paths.
+/// Writes `sheets` contact sheets of 24 pairs each into `folder`, from sample number `first` on,
+/// and returns their paths.
 ///
-/// A pair is shown as its template above the template of the search picture, and the search crop with the target's box: green,
-/// or red for a negative pair. The bar beside them has a color per source.
+/// A pair is shown as its template above the template of the search picture, and the search crop
+/// with the target's box: green, or red for a negative pair. The bar beside them has a color per
+/// source.
 ///
 /// # Errors
 /// If a file cannot be written.

@@ -1,4 +1,4 @@
-//! What the head should say per cell of the score map (docs/method.md, section 3.3).
+//! Targets of the head per cell of the score map (docs/method.md, section 3.3).
 
 use crate::data::geometry::Corners;
 use autodiff::Tensor;
@@ -46,8 +46,9 @@ pub struct Targets {
 impl Targets {
     /// Targets of `(corners, negative)` per item.
     ///
-    /// A cell is inside if its distances to all four sides are above 0. Of a negative pair only cells inside the box count, as
-    /// "no target"; centerness and corners stay as they are (as in video_analyst).
+    /// A cell is inside if its distances to all four sides are above 0. Of a negative pair only
+    /// cells inside the box count, as "no target"; centerness and corners stay as they are (as in
+    /// video_analyst).
     pub fn new(items: &[(Corners, bool)], cells: Cells) -> Targets {
         let count = items.len() * cells.side * cells.side;
         let (mut labels, mut quality) = (Vec::with_capacity(count), Vec::with_capacity(count));
@@ -88,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn grids() {
+    fn grid_covers_the_score_map() {
         assert_eq!(
             cells(303),
             Cells {
@@ -107,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn worked_values_of_the_spec() {
+    fn targets_equal_worked_values() {
         let targets = Targets::new(&[([100.0, 100.0, 200.0, 180.0], false)], cells(303));
         let labels = targets.labels.data();
         assert_eq!(labels.iter().filter(|l| **l == 1.0).count(), 130);
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn negative_pairs_are_relabeled_and_only_that() {
+    fn negative_pair_changes_labels_only() {
         let corners = [100.0, 100.0, 200.0, 180.0];
         let both = Targets::new(&[(corners, false), (corners, true)], cells(303));
         let (positive, negative) = both.labels.data().split_at(289);
@@ -135,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_beside_the_grid_has_no_positives() {
+    fn box_beside_the_grid_has_no_positives() {
         let targets = Targets::new(&[([10.0, 10.0, 80.0, 80.0], false)], cells(303));
         assert!(targets.labels.data().iter().all(|l| *l == 0.0));
         assert!(targets.quality.data().iter().all(|q| *q == 0.0));

@@ -1,4 +1,4 @@
-//! What several tests need.
+//! Helpers of tests.
 
 pub use ::testing::{Folder, shared};
 

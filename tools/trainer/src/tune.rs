@@ -1,8 +1,9 @@
-//! The tracker's constants that suit weights, by tracking itself.
+//! Choice of the tracker's constants for given weights, by tracking.
 //!
-//! Three are measured. The share of the first frame's error that is taken out of later boxes: a tracker is given a target in one
-//! frame and put near it in another one; the share with which its boxes lie best is the weights' own. The share of the
-//! target's later looks in the template, and the online filter's share in the score: those with which whole sequences are tracked best.
+//! Three constants are chosen. The correction, the share of the first frame's box error that is
+//! subtracted from later boxes, is the one with the highest IoU when a tracker that was initialized
+//! in one frame is placed near the target in another one. The share of template update and the
+//! share of the online filter in the score are those with the highest AUC on whole sequences.
 
 use crate::data::Dataset;
 use crate::error::Error;
@@ -12,19 +13,20 @@ use std::collections::BTreeMap;
 use track_cpu::{Isa, Model, TrackConfig, Tracker, TrackerOptions};
 use weights_format::{TrackerParams, Weights};
 
-/// Samples for tuning are far behind all that are trained or calibrated on.
+/// First sample for tuning, far beyond all samples of training and calibration.
 const FIRST: u64 = 1 << 46;
 
 /// Shares that are tried.
 pub const SHARES: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
 
-/// Times that the second frame is shown: until the size has settled.
+/// Updates on the second frame, after which the size has settled.
 const LOOKS: usize = 3;
 
 /// The mean IoU for each of [`SHARES`], over `pairs` pairs of frames of the data.
 ///
 /// # Errors
-/// If the weights are not those of a network that can run, or no target of the data is seen at two moments.
+/// If the weights are not those of a network that can run, or no target of the data is seen at two
+/// moments.
 pub fn correction(
     weights: &Weights,
     dataset: &Dataset,
@@ -71,7 +73,8 @@ pub fn correction(
     Ok(sums.map(|sum| sum / pairs as f64))
 }
 
-/// Accuracy over sequences for each of [`SHARES`], as `set` puts it into the tracker's hyper-parameters.
+/// Accuracy over sequences for each of [`SHARES`], as `set` puts it into the tracker's
+/// hyper-parameters.
 ///
 /// # Errors
 /// If the weights are not those of a network that can run.
@@ -89,9 +92,11 @@ pub fn over_sequences(
     Ok(reports)
 }
 
-/// Mean AUC over sequences, each with the share that is best on all others; `None` for fewer than two sequences.
+/// Mean AUC over sequences, each with the share that is best on all others; `None` for fewer than
+/// two sequences.
 ///
-/// Unlike the AUC of the best share, this figure is not chosen on the sequences on which it is measured.
+/// Unlike the AUC of the best share, this figure is not chosen on the sequences on which it is
+/// measured.
 pub fn leave_one_out(reports: &[Report; SHARES.len()]) -> Option<f64> {
     // AUC of each sequence with each share.
     let mut table: BTreeMap<&str, [f64; SHARES.len()]> = BTreeMap::new();
@@ -158,8 +163,9 @@ mod tests {
     }
 
     #[test]
-    fn boxes_of_a_network_that_errs_are_mended() {
-        // A network that says the same whatever it sees: only the first frame tells that not everything has one size.
+    fn correction_improves_boxes_of_a_biased_network() {
+        // A network that says the same whatever it sees: only the first frame tells that not
+        // everything has one size.
         let mut weights = Weights::random(standard(0.9), 3);
         for (name, bias) in [
             ("head.score", 3.0),

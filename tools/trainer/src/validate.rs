@@ -31,7 +31,8 @@ pub enum Passes {
     One,
     /// From the first and the middle frame forwards, from the last and the middle frame backwards.
     ///
-    /// A pass starts at the frame nearest to these that shows the target, as `ope run --four-starts` does.
+    /// A pass starts at the frame nearest to these that shows the target, as
+    /// `ope run --four-starts` does.
     Four,
 }
 
@@ -112,7 +113,8 @@ pub struct Report {
 impl Report {
     /// The figure by which weights are compared.
     ///
-    /// It is the AUC over real sequences that are not trained on, else over all real ones, else over flights.
+    /// It is the AUC over real sequences that are not trained on, else over all real ones, else
+    /// over flights.
     pub fn score(&self) -> Option<f64> {
         self.clean
             .or(self.real)
@@ -141,7 +143,8 @@ impl std::fmt::Display for Report {
 const FLIGHT_SEED: u64 = 0x5ee_d0ff_1195;
 
 impl Validation {
-    /// All sequences below some folders, and `flights` rendered flights; at most `max_frames` frames of each pass.
+    /// All sequences below some folders, and `flights` rendered flights; at most `max_frames`
+    /// frames of each pass.
     ///
     /// # Errors
     /// If a folder cannot be read, or holds no sequence.

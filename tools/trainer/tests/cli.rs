@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 use weights_format::{Storage, Weights};
 
-/// A folder of its own with a few pictures of rectangles and `boxes.csv`, removed when dropped.
+/// A temporary folder with pictures of rectangles and `boxes.csv`; removed on drop.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -81,7 +81,7 @@ fn tiny(steps: &str) -> Vec<&str> {
 }
 
 #[test]
-fn a_killed_run_goes_on_to_the_same_weights() {
+fn killed_run_resumes_to_the_same_weights() {
     let folder = Folder::new("resume");
     let (data, straight, killed) = (
         folder.at("boxes.csv"),
@@ -279,7 +279,7 @@ fn queue_with_a_wrong_line_is_refused_before_anything_runs() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused() {
+fn senseless_options_are_refused() {
     let folder = Folder::new("refused");
     let (data, out) = (folder.at("boxes.csv"), folder.at("out"));
     std::fs::write(
@@ -384,7 +384,7 @@ fn what_makes_no_sense_is_refused() {
 }
 
 #[test]
-fn bad_data_are_named_and_counted() {
+fn bad_data_are_reported_and_counted() {
     let folder = Folder::new("bad");
     let (out, bad, sequences) = (
         folder.at("out"),
@@ -494,7 +494,7 @@ fn bad_data_are_named_and_counted() {
 }
 
 #[test]
-fn pruned_networks_train_on_and_are_compared() {
+fn pruned_networks_are_trained_and_compared() {
     let folder = Folder::new("prune");
     let (data, run, pruned) = (
         folder.at("boxes.csv"),
@@ -561,7 +561,7 @@ fn pruned_networks_train_on_and_are_compared() {
     .unwrap();
     succeed(&fit);
     assert!(
-        !text(&fit.stderr).contains("begun anew"),
+        !text(&fit.stderr).contains("initialized"),
         "{}",
         text(&fit.stderr)
     );
@@ -666,7 +666,7 @@ fn pruned_networks_train_on_and_are_compared() {
 }
 
 #[test]
-fn sheets_show_pairs() {
+fn show_writes_sheets_of_pairs() {
     let folder = Folder::new("show");
     let (data, out) = (folder.at("boxes.csv"), folder.at("sheets"));
     let output = train(&[

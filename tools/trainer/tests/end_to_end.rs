@@ -1,5 +1,5 @@
-//! From a folder of frames and boxes to a model that tracks them: the README's "train on your own videos", on flights that
-//! are rendered here.
+//! From a folder of frames and boxes to a model that tracks them: the README's "train on your own
+//! videos", on flights that are rendered here.
 
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
 use std::path::{Path, PathBuf};
@@ -89,8 +89,8 @@ impl Drop for Folder {
     }
 }
 
-/// Renders videos, trains on them with `options`, exports, and tracks the same videos: mean IoU of the tracker and of a
-/// box that never moves.
+/// Renders videos, trains on them with `options`, exports, and tracks the same videos: mean IoU of
+/// the tracker and of a box that never moves.
 fn train_and_track(name: &str, seeds: &[u64], frames: usize, options: &[&str]) -> [f32; 2] {
     let folder = Folder(std::env::temp_dir().join(format!("train-{name}-{}", std::process::id())));
     let videos: Vec<_> = seeds
@@ -139,9 +139,9 @@ fn train_and_track(name: &str, seeds: &[u64], frames: usize, options: &[&str]) -
 }
 
 #[test]
-fn a_tiny_network_tracks_what_it_was_trained_on() {
-    let options = "--ratio 0.9 --search-size 223 --early-share 0 --augment light --negatives 0 --no-mi --no-identity \
-                   --steps 110 --batch 8 --rate 0.003 --estimation-batches 4 --data-threads 2";
+fn tiny_network_tracks_its_training_flight() {
+    let options = "--ratio 0.9 --search-size 223 --early-share 0 --augment light --negatives 0 \
+                   --no-mi --no-identity --steps 110 --batch 8 --rate 0.003 --estimation-batches 4 --data-threads 2";
     let options: Vec<_> = options.split_whitespace().collect();
     let [tracked, still] = train_and_track("short", &[13], 24, &options);
     assert!(

@@ -1,10 +1,11 @@
 //! Focal loss on logits (docs/method.md, section 3.4): with `p = sigmoid(x)`, per point
-//! `-alpha (1 - p)^gamma ln p` where the label is 1 and `-(1 - alpha) p^gamma ln(1 - p)` where it is 0; points labeled
-//! -1 are left out. Summed over the batch, divided by the number of ones (at least 1).
+//! `-alpha (1 - p)^gamma ln p` where the label is 1 and `-(1 - alpha) p^gamma ln(1 - p)` where it
+//! is 0; points labeled -1 are left out. Summed over the batch, divided by the number of ones (at
+//! least 1).
 //!
-//! Gradient (docs/method.md, section 3.9): label 1 `alpha (1 - p)^gamma (gamma p ln p - (1 - p))`, label 0
-//! `(1 - alpha) p^gamma (p - gamma (1 - p) ln(1 - p))`: the second is the first with `p` and `1 - p` exchanged and the
-//! sign turned.
+//! Gradient (docs/method.md, section 3.9): label 1 `alpha (1 - p)^gamma (gamma p ln p - (1 - p))`,
+//! label 0 `(1 - alpha) p^gamma (p - gamma (1 - p) ln(1 - p))`: the second is the first with `p`
+//! and `1 - p` exchanged and the sign turned.
 
 use super::one_over;
 use crate::{Tape, Tensor, Var};
@@ -14,7 +15,7 @@ use crate::{Tape, Tensor, Var};
 pub struct Focal {
     /// Weight of the ones; the zeros' is `1 - alpha`.
     pub alpha: f32,
-    /// How strongly easy points are played down.
+    /// Exponent that reduces the loss of easy points.
     pub gamma: f32,
 }
 
@@ -45,7 +46,8 @@ impl Focal {
 }
 
 impl Tape<'_> {
-    /// The focal loss of `logits` against `labels` (1, 0, or -1 to leave out), any shape of as many values.
+    /// The focal loss of `logits` against `labels` (1, 0, or -1 to leave out), any shape of as many
+    /// values.
     ///
     /// Panics if there are not as many labels as logits.
     pub fn focal_loss(&mut self, logits: Var, labels: &Tensor, focal: Focal) -> Var {
@@ -75,7 +77,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn golden_values() {
+    fn loss_has_its_golden_values() {
         for (x, label, loss) in [
             (0.0, 1.0, 0.0433217),
             (0.0, 0.0, 0.1299651),
@@ -109,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn finite_without_ones_and_far_out() {
+    fn loss_without_ones_or_with_large_logits_is_finite() {
         let x = Tensor::new(&[3], vec![-300.0, 300.0, 0.0]);
         let labels = Tensor::new(&[3], vec![0.0, 0.0, -1.0]);
         let (loss, gradients) = value_and_gradients(&[x], |tape, v| {

@@ -1,6 +1,7 @@
-//! The Jensen-Shannon estimate of mutual information from a statistics network's scores (docs/method.md, section 3.7):
-//! `-mean softplus(-t) - mean softplus(t')`, with `t` scores of pairs that belong together and `t'` of pairs that do not.
-//! It is at most 0; scores of 0 give `-2 ln 2`. Training maximizes it.
+//! The Jensen-Shannon estimate of mutual information from a statistics network's scores
+//! (docs/method.md, section 3.7): `-mean softplus(-t) - mean softplus(t')`, with `t` scores of
+//! pairs that belong together and `t'` of pairs that do not. It is at most 0; scores of 0 give
+//! `-2 ln 2`. Training maximizes it.
 //!
 //! Gradient (docs/method.md, section 3.9): `sigmoid(-t) / n` and `-sigmoid(t') / n'`.
 
@@ -39,7 +40,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn golden_values() {
+    fn loss_has_its_golden_values() {
         let estimate = |t: f32, u: f32| {
             let scores = [Tensor::full(&[2, 1], t), Tensor::full(&[3], u)];
             value_and_gradients(&scores, |tape, v| tape.information(v[0], v[1])).0

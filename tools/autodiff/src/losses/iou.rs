@@ -1,13 +1,16 @@
-//! Box regression: `-ln IoU` of boxes that are decoded from a map of offsets (docs/method.md, sections 1.3, 3.4, 3.9).
+//! Box regression: `-ln IoU` of boxes that are decoded from a map of offsets (docs/method.md,
+//! sections 1.3, 3.4, 3.9).
 //!
-//! Column `ix`, row `iy` of the map is the point `(first + stride ix, first + stride iy)`. Its four values `o` become
-//! distances `e = stride exp(si o + bi)` to the left, top, right and bottom, and the box `(px - l, py - t, px + r, py + b)`. Sides
-//! count pixels inclusively: a box is `x1 - x0 + 1` wide. Points whose label is not 1 are left out; divided by the number of
-//! the others (at least 1).
+//! Column `ix`, row `iy` of the map is the point `(first + stride ix, first + stride iy)`. Its four
+//! values `o` become distances `e = stride exp(si o + bi)` to the left, top, right and bottom, and
+//! the box `(px - l, py - t, px + r, py + b)`. Sides count pixels inclusively: a box is
+//! `x1 - x0 + 1` wide. Points whose label is not 1 are left out; divided by the number of the
+//! others (at least 1).
 //!
-//! Gradient: with `I` the intersection and `U` the union, `-dI / I + (dA - dI) / U` with respect to each distance, where `A` is
-//! the predicted area; `dA` is the opposite side, and `dI` the intersection's opposite side where the predicted edge is the
-//! inner one, else 0. Then `de/do = e si`, `de/dsi = e o`, `de/dbi = e`.
+//! Gradient: with `I` the intersection and `U` the union, `-dI / I + (dA - dI) / U` with respect to
+//! each distance, where `A` is the predicted area; `dA` is the opposite side, and `dI` the
+//! intersection's opposite side where the predicted edge is the inner one, else 0. Then
+//! `de/do = e si`, `de/dsi = e o`, `de/dbi = e`.
 
 use super::one_over;
 use crate::{Tape, Tensor, Var};
@@ -26,8 +29,8 @@ pub struct BoxDecoder {
 }
 
 impl BoxDecoder {
-    /// Stride 8 from `first` on; no limit on the exponent and the smallest normal number as that on the IoU, as the
-    /// reference implementation has it.
+    /// Stride 8 from `first` on; no limit on the exponent and the smallest normal number as that on
+    /// the IoU, as the reference implementation has it.
     pub fn new(first: f32) -> BoxDecoder {
         BoxDecoder {
             first,
@@ -52,7 +55,8 @@ impl BoxDecoder {
         [i % width, i / width].map(|n| f64::from(self.first) + f64::from(self.stride) * n as f64)
     }
 
-    /// The boxes `(x0, y0, x1, y1)` that `offsets` (`[batch, H, W, 4]`) stand for, in the same shape.
+    /// The boxes `(x0, y0, x1, y1)` that `offsets` (`[batch, H, W, 4]`) stand for, in the same
+    /// shape.
     pub fn boxes(&self, offsets: &Tensor, si: f32, bi: f32) -> Tensor {
         let maps = offsets.maps("boxes");
         assert_eq!(maps.channels, 4, "boxes: four offsets per cell");
@@ -66,8 +70,8 @@ impl BoxDecoder {
     }
 }
 
-/// IoU of the box at distances `e` (left, top, right, bottom) around a point with `truth` (x0, y0, x1, y1), and the gradient
-/// of `-ln IoU` with respect to the distances; none if they do not meet.
+/// IoU of the box at distances `e` (left, top, right, bottom) around a point with `truth` (x0, y0,
+/// x1, y1), and the gradient of `-ln IoU` with respect to the distances; none if they do not meet.
 fn minus_log_iou([px, py]: [f64; 2], e: [f64; 4], truth: [f64; 4]) -> Option<(f64, [f64; 4])> {
     let (w, h) = (e[0] + e[2] + 1.0, e[1] + e[3] + 1.0);
     // How far the truth reaches from the point, in the four directions.
@@ -91,8 +95,9 @@ fn minus_log_iou([px, py]: [f64; 2], e: [f64; 4], truth: [f64; 4]) -> Option<(f6
 }
 
 impl Tape<'_> {
-    /// The loss of `offsets` (`[batch, H, W, 4]`) under scale `si` and shift `bi` (one value each) against `boxes` (as many, x0, y0,
-    /// x1, y1) at the cells whose label (`[batch, H, W, 1]`) is 1.
+    /// The loss of `offsets` (`[batch, H, W, 4]`) under scale `si` and shift `bi` (one value each)
+    /// against `boxes` (as many, x0, y0, x1, y1) at the cells whose label (`[batch, H, W, 1]`) is
+    /// 1.
     ///
     /// Panics if the shapes do not fit each other.
     pub fn iou_loss(
@@ -166,8 +171,9 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn golden_values() {
-        // The point (31, 30), as row 0, column 0 of a map whose first point is at 31; the truth moved along in y.
+    fn loss_has_its_golden_values() {
+        // The point (31, 30), as row 0, column 0 of a map whose first point is at 31; the truth
+        // moved along in y.
         let decoder = BoxDecoder::new(31.0);
         let inputs = [
             Tensor::new(&[1, 1, 1, 4], vec![0.8, 0.4, 0.9, 0.7]),
@@ -192,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn half_is_ln_2() {
+    fn half_overlap_costs_ln_2() {
         let (iou, _) =
             minus_log_iou([5.0, 5.0], [5.0, 5.0, 4.0, 4.0], [0.0, 0.0, 9.0, 4.0]).unwrap();
         assert!((iou - 0.5).abs() < 1e-12);
@@ -215,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_hold_and_stay_finite() {
+    fn limits_bound_the_loss_and_its_gradient() {
         let offsets = Tensor::new(
             &[1, 1, 4, 4],
             [[200.0; 4], [0.0; 4], [f32::NAN; 4], [7.0; 4]].concat(),

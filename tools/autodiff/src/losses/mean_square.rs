@@ -1,11 +1,13 @@
-//! Mean square of differences over the items of a batch that count: `sum (a - b)^2 / n`, with `n` the number of their values
-//! (at least 1). Gradient `2 (a - b) / n` to `a` and its opposite to `b`; items that do not count get none.
+//! Mean square of differences over the items of a batch that count: `sum (a - b)^2 / n`, with `n`
+//! the number of their values (at least 1). Gradient `2 (a - b) / n` to `a` and its opposite to
+//! `b`; items that do not count get none.
 
 use super::one_over;
 use crate::{Tape, Tensor, Var};
 
 impl Tape<'_> {
-    /// The mean square of `a - b` (both `[batch, ..]`) over the items for which `keep` (one per item) is true.
+    /// The mean square of `a - b` (both `[batch, ..]`) over the items for which `keep` (one per
+    /// item) is true.
     ///
     /// Panics if the shapes differ or `keep` is not of the batch's length.
     pub fn mean_square(&mut self, a: Var, b: Var, keep: &[bool]) -> Var {
@@ -45,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_kept_is_nothing_lost() {
+    fn mean_square_of_no_items_is_zero() {
         let inputs = [noise(&[2, 3], 1), noise(&[2, 3], 2)];
         let (loss, gradients) = value_and_gradients(&inputs, |tape, v| {
             tape.mean_square(v[0], v[1], &[false, false])

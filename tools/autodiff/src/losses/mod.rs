@@ -1,5 +1,5 @@
-//! Losses with gradients in closed form (docs/method.md, sections 3.4, 3.7, 3.9), one per file. Each computes its gradients along with
-//! its value and keeps them for the way back.
+//! Losses with gradients in closed form (docs/method.md, sections 3.4, 3.7, 3.9), one per file.
+//! Each computes its gradients along with its value and keeps them for the backward pass.
 
 mod focal;
 mod information;

@@ -1,6 +1,6 @@
-//! Quality loss (docs/method.md, section 3.4): binary cross-entropy of logits against targets in `[0, 1]`, less the targets' own
-//! entropy, so that a perfect fit is 0. Points whose target is 0 are left out; divided by the number of the others (at
-//! least 1). Gradient `sigmoid(x) - target`.
+//! Quality loss (docs/method.md, section 3.4): binary cross-entropy of logits against targets in
+//! `[0, 1]`, less the targets' own entropy, so that a perfect fit is 0. Points whose target is 0
+//! are left out; divided by the number of the others (at least 1). Gradient `sigmoid(x) - target`.
 
 use super::one_over;
 use crate::ops::{sigmoid, softplus};
@@ -53,7 +53,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn golden_values() {
+    fn loss_has_its_golden_values() {
         for (x, target, loss) in [
             (0.0, 0.7, 0.0822829),
             (0.5, 0.7, 0.0132127),

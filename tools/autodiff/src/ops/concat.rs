@@ -10,7 +10,8 @@ struct Concat {
 }
 
 impl Tape<'_> {
-    /// The `inputs`' channels behind one another. Panics if there are none, or if they differ in another extent.
+    /// The `inputs`' channels behind one another. Panics if there are none, or if they differ in
+    /// another extent.
     pub fn concat(&mut self, inputs: &[Var]) -> Var {
         let outer = |tape: &Self, var: Var| {
             tape.shape(var)

@@ -1,6 +1,7 @@
 //! A window of a map.
 //!
-//! Shapes: `[batch, H, W, C] -> [batch, h, w, C]`, the same window for every item. Backwards zeros around the window.
+//! Shapes: `[batch, H, W, C] -> [batch, h, w, C]`, the same window for every item. Backwards zeros
+//! around the window.
 
 use crate::tape::Operation;
 use crate::{Tape, Tensor, Var};
@@ -13,7 +14,8 @@ struct Crop {
 }
 
 impl Tape<'_> {
-    /// The window of `x` (`[batch, H, W, C]`) of that `size` whose first pixel is in row `top`, column `left`.
+    /// The window of `x` (`[batch, H, W, C]`) of that `size` whose first pixel is in row `top`,
+    /// column `left`.
     ///
     /// Panics if it sticks out of the map.
     pub fn crop(&mut self, x: Var, (top, left): (usize, usize), size: Size) -> Var {

@@ -1,5 +1,5 @@
-//! Functions of single values, any shape: ReLU, exponential, sigmoid, softplus. `dx = g f'(x)`, and every `f'(x)` here is
-//! a function of `y = f(x)` alone.
+//! Functions of single values, any shape: ReLU, exponential, sigmoid, softplus. `dx = g f'(x)`, and
+//! every `f'(x)` here is a function of `y = f(x)` alone.
 
 use crate::tape::Operation;
 use crate::vector::update2;

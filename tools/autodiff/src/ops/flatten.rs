@@ -1,6 +1,8 @@
-//! Flattening a map with channels outermost, as PyTorch's layouts of the networks behind it have it.
+//! Flattening a map with channels outermost, as PyTorch's layouts of the networks behind it have
+//! it.
 //!
-//! Shapes: `[batch, H, W, C] -> [batch, C H W]`, value `(y, x, c)` at `(c H + y) W + x`. Backwards the other way round.
+//! Shapes: `[batch, H, W, C] -> [batch, C H W]`, value `(y, x, c)` at `(c H + y) W + x`. Backwards
+//! the other way round.
 
 use crate::tape::Operation;
 use crate::{Tape, Tensor, Var};

@@ -1,8 +1,8 @@
 //! A fully connected layer: `y = x w^T + b`.
 //!
-//! Shapes: `x` `[.., inputs]`, weights `[outputs, inputs]`, bias `[outputs]`, `y` `[.., outputs]`. Backwards: `dx = g w`,
-//! `dw = g^T x`, `db` the sum of `g`. There are few rows and many weights, so each product is split along the weights, and
-//! every weight is read once.
+//! Shapes: `x` `[.., inputs]`, weights `[outputs, inputs]`, bias `[outputs]`, `y` `[.., outputs]`.
+//! Backwards: `dx = g w`, `dw = g^T x`, `db` the sum of `g`. There are few rows and many weights,
+//! so each product is split along the weights, and every weight is read once.
 
 use super::map::sum_positions;
 use crate::tape::Operation;
@@ -19,7 +19,8 @@ struct Linear {
 const PART: usize = 64;
 
 impl Tape<'_> {
-    /// `x` (`[.., inputs]`) times `weights` (`[outputs, inputs]`) transposed, plus `bias` (`[outputs]`).
+    /// `x` (`[.., inputs]`) times `weights` (`[outputs, inputs]`) transposed, plus `bias`
+    /// (`[outputs]`).
     ///
     /// Panics if the shapes do not fit each other.
     pub fn linear(&mut self, x: Var, weights: Var, bias: Var) -> Var {
@@ -48,8 +49,8 @@ impl Tape<'_> {
     }
 }
 
-/// A tensor of that shape, `[.., columns]`, whose transpose is a product: `factors(first, len)` are those of `len` of its
-/// rows from `first` on.
+/// A tensor of that shape, `[.., columns]`, whose transpose is a product: `factors(first, len)` are
+/// those of `len` of its rows from `first` on.
 fn transposed_product<'a>(
     compute: &Compute,
     shape: &[usize],

@@ -1,4 +1,5 @@
-//! What several operations do with maps: zeros around and between their pixels, sums over their positions.
+//! What several operations do with maps: zeros around and between their pixels, sums over their
+//! positions.
 
 use crate::{Compute, Tensor};
 use kernels::Size;

@@ -1,7 +1,9 @@
-//! Max-pool 3x3, stride 2, ceil mode (docs/method.md, section 1.1): `y[oy, ox, c] = max of x[2 oy + dy, 2 ox + dx, c]`.
+//! Max-pool 3x3, stride 2, ceil mode (docs/method.md, section 1.1):
+//! `y[oy, ox, c] = max of x[2 oy + dy, 2 ox + dx, c]`.
 //!
-//! Shapes: `[batch, H, W, C] -> [batch, H', W', C]`. Backwards the gradient goes to the first maximum of a window in row-major
-//! order; windows overlap, so it adds up (docs/method.md, section 3.9).
+//! Shapes: `[batch, H, W, C] -> [batch, H', W', C]`. Backwards the gradient goes to the first
+//! maximum of a window in row-major order; windows overlap, so contributions add up
+//! (docs/method.md, section 3.9).
 
 use crate::tape::Operation;
 use crate::tensor::Maps;

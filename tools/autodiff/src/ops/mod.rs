@@ -1,4 +1,5 @@
-//! One operation per file: what it computes, how it goes backwards, and the check of the one against the other.
+//! One operation per file: what it computes, how it goes backwards, and the check of the one
+//! against the other.
 
 mod arithmetic;
 mod batch_norm;

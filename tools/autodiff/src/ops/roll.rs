@@ -1,4 +1,5 @@
-//! Rolling along the batch: item `b` gets item `b + shift`, counted around. Backwards the other way round.
+//! Rolling along the batch: item `b` gets item `b + shift`, counted around. Backwards the other way
+//! round.
 
 use crate::tape::Operation;
 use crate::{Tape, Tensor, Var};

@@ -1,10 +1,13 @@
 //! Depthwise cross-correlation of every item's search features with its own template features:
-//! `y[i, j, c] = sum over u, v of x[i + u, j + v, c] z[u, v, c]`, valid, no bias (docs/method.md, section 1.3).
+//! `y[i, j, c] = sum over u, v of x[i + u, j + v, c] z[u, v, c]`, valid, no bias (docs/method.md,
+//! section 1.3).
 //!
-//! Shapes: search `[batch, H, W, C]`, template `[batch, h, w, C]` -> response `[batch, H-h+1, W-w+1, C]`. Backwards
-//! (docs/method.md, section 3.9), both on the forward's kernel:
+//! Shapes: search `[batch, H, W, C]`, template `[batch, h, w, C]` -> response
+//! `[batch, H-h+1, W-w+1, C]`. Backwards (docs/method.md, section 3.9), both on the forward's
+//! kernel:
 //! - template: the correlation of the search features with `g`;
-//! - search: the correlation of `g`, with `h - 1` and `w - 1` zeros around it, with the template turned by half a turn.
+//! - search: the correlation of `g`, with `h - 1` and `w - 1` zeros around it, with the template
+//!   turned by half a turn.
 
 use super::map::Placement;
 use crate::tape::Operation;

@@ -1,6 +1,7 @@
-//! Adam with decoupled weight decay (Loshchilov and Hutter, "Decoupled weight decay regularization", algorithm 2):
-//! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`,
-//! `p = p - rate (decay p + (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + epsilon))`, with `t` the parameter's own steps.
+//! Adam with decoupled weight decay (Loshchilov and Hutter, "Decoupled weight decay
+//! regularization", algorithm 2): `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`,
+//! `p = p - rate (decay p + (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + epsilon))`, with `t` the
+//! parameter's own steps.
 
 use super::{Optimizer, Slots, restore};
 use crate::vector::{update2, update3};
@@ -9,7 +10,7 @@ use crate::{Compute, Parameters, StateError, Tensor};
 /// Adam with decoupled weight decay.
 #[derive(Clone, Debug)]
 pub struct AdamW {
-    /// How much of the gradients' running means stays at each step.
+    /// Decay rates of the running means of the gradients and of their squares.
     pub betas: [f32; 2],
     /// Added to the root of the squares' mean.
     pub epsilon: f32,
@@ -97,7 +98,7 @@ mod tests {
 
     /// Against the formula in `f64`.
     #[test]
-    fn three_steps_of_the_definition() {
+    fn three_steps_equal_the_definition() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let id = parameters.add("p", Tensor::scalar(2.0));

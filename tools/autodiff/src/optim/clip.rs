@@ -3,8 +3,9 @@
 use crate::vector::update1;
 use crate::{Compute, Parameter, Parameters};
 
-/// Scales the gradients of the selected parameters together so that their norm is at most `max_norm`, and returns the norm
-/// that they had. Where that is not a finite number, they stay as they are, and the caller may skip the step.
+/// Scales the gradients of the selected parameters together so that their norm is at most
+/// `max_norm`, and returns the norm that they had. Where that is not a finite number, they stay as
+/// they are, and the caller may skip the step.
 pub fn clip_gradients(
     compute: &Compute,
     parameters: &mut Parameters,
@@ -31,7 +32,7 @@ pub fn clip_gradients(
     norm as f32
 }
 
-/// The sum of squares, in eight sums side by side.
+/// The sum of squares, in eight independent sums.
 fn squares(values: &[f32]) -> f64 {
     let mut sums = [0.0f64; 8];
     for values in values.chunks(8) {
@@ -48,7 +49,7 @@ mod tests {
     use crate::Tensor;
 
     #[test]
-    fn clips_each_group_to_its_norm() {
+    fn clipping_scales_each_group_to_its_norm() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         for (name, gradient) in [
@@ -83,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_told_and_left() {
+    fn gradients_that_are_not_finite_stay() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let id = parameters.add("a", Tensor::zeros(&[2]));

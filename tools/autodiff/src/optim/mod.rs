@@ -1,8 +1,9 @@
-//! What moves the parameters: optimizers, gradient clipping, learning rates.
+//! Updates of the parameters: optimizers, gradient clipping, learning rates.
 //!
 //! A parameter's own [`rate`](crate::Parameter::rate), [`decay`](crate::Parameter::decay) and
-//! [`frozen`](crate::Parameter::frozen) say how; groups are whatever a filter over [`Parameters::iter_mut`] selects.
-//! Frozen parameters, and those that no loss reached, keep every bit of their value and of the optimizer's state.
+//! [`frozen`](crate::Parameter::frozen) say how; groups are whatever a filter over
+//! [`Parameters::iter_mut`] selects. Frozen parameters, and those that no loss reached, keep every
+//! bit of their value and of the optimizer's state.
 
 mod adamw;
 mod clip;
@@ -17,7 +18,7 @@ pub use sgd::Sgd;
 use crate::parameters::check_shape;
 use crate::{Compute, Parameter, Parameters, StateError, Tensor};
 
-/// Moves parameters against their gradients.
+/// Updates parameters from their gradients.
 pub trait Optimizer {
     /// One step at a learning rate, for every trained parameter that has a gradient.
     fn step(&mut self, compute: &Compute, parameters: &mut Parameters, rate: f32);
@@ -145,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn frozen_parameters_keep_every_bit() {
+    fn frozen_parameter_keeps_every_bit() {
         let compute = Compute::new(1).unwrap();
         for optimizer in optimizers() {
             let (mut parameters, mut optimizer) = (network(), optimizer());
@@ -172,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_state_goes_on_as_if_nothing_had_happened() {
+    fn restored_optimizer_continues_with_the_same_bits() {
         let compute = Compute::new(1).unwrap();
         for make in optimizers() {
             let (mut parameters, mut optimizer) = (network(), make());
@@ -200,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_state_is_refused() {
+    fn unknown_optimizer_state_is_refused() {
         let parameters = network();
         for make in optimizers() {
             let mut optimizer = make();

@@ -1,6 +1,8 @@
-//! Learning rates over the steps of a training: a linear warm-up, then half a cosine down to a floor.
+//! Learning rates over the steps of a training: a linear warm-up, then half a cosine down to a
+//! floor.
 
-/// `start -> peak` linearly over the first `warmup` steps, then `peak -> floor` along a cosine until step `total`.
+/// `start -> peak` linearly over the first `warmup` steps, then `peak -> floor` along a cosine
+/// until step `total`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WarmupCosine {
     /// Rate of the first step, if there is a warm-up.
@@ -16,7 +18,8 @@ pub struct WarmupCosine {
 }
 
 impl WarmupCosine {
-    /// The reference implementation's: epoch 0 from 1e-6 to 0.08, then back to 1e-6 (docs/method.md, section 3.5).
+    /// The reference implementation's: epoch 0 from 1e-6 to 0.08, then back to 1e-6
+    /// (docs/method.md, section 3.5).
     pub fn paper(epochs: usize, steps_per_epoch: usize) -> WarmupCosine {
         let total = epochs * steps_per_epoch;
         WarmupCosine {
@@ -48,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn golden_values() {
+    fn loss_has_its_golden_values() {
         let schedule = WarmupCosine::paper(20, 12_500);
         for (epoch, step, rate) in [
             (0, 0, 1e-6),
@@ -69,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn without_warm_up() {
+    fn schedule_without_warm_up_starts_at_the_peak() {
         let schedule = WarmupCosine {
             start: 0.0,
             peak: 2.0,

@@ -13,7 +13,7 @@ pub struct Sgd {
 }
 
 impl Sgd {
-    /// With that factor on the momentum of the step before.
+    /// An optimizer with this momentum.
     pub fn new(momentum: f32) -> Sgd {
         Sgd {
             factor: momentum,
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_steps_by_hand() {
+    fn two_steps_equal_a_calculation_by_hand() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let id = parameters.add("p", Tensor::scalar(2.0));

@@ -1,5 +1,5 @@
-//! The training network of DR-MIM (docs/method.md, sections 1 and 3.7): backbone, encoders, neck, head and statistics networks, with
-//! parameters under PyTorch's names.
+//! The training network of DR-MIM (docs/method.md, sections 1 and 3.7): backbone, encoders, neck,
+//! head and statistics networks, with parameters under PyTorch's names.
 
 use autodiff::{
     BoxDecoder, Conv2d, Focal, ParameterId, Parameters, RunningStatistics, Tape, Tensor, Var,
@@ -14,7 +14,8 @@ pub struct Config {
     pub neck: usize,
     /// Hidden units of the statistics networks.
     pub hidden: usize,
-    /// Side of the template's feature map, if the global statistics network sees all of it instead of its average.
+    /// Side of the template's feature map, if the global statistics network sees all of it instead
+    /// of its average.
     pub flatten: Option<usize>,
 }
 
@@ -284,7 +285,8 @@ impl DrMim {
         }
     }
 
-    /// Global and local estimates of the information between features `f` and their encodings (docs/method.md, section 3.7).
+    /// Global and local estimates of the information between features `f` and their encodings
+    /// (docs/method.md, section 3.7).
     fn information(&self, tape: &mut Tape, f: Var, encodings: Var) -> (Var, Var) {
         let rolled = tape.roll(f, 1);
         let average = tape.global_average(encodings);

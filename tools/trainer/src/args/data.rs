@@ -1,4 +1,4 @@
-//! What to train on.
+//! Data to train on.
 
 use super::wrong;
 use trainer::Error;
@@ -7,33 +7,34 @@ use trainer::data::pairs::PairRules;
 use trainer::data::spec::DataSpec;
 use trainer::data::{DataOptions, Dataset};
 
-/// What to train on
+/// Data to train on.
 #[derive(Debug, clap::Args)]
 pub struct Data {
-    /// A source of pairs and its share of them: an annotation file (CSV, JSON) or a folder of sequences, `scenes`,
-    /// `patches:PATH`, `paste:PATH`; give it several times to mix
+    /// A source of pairs and its share of them: an annotation file (CSV, JSON) or a folder of
+    /// sequences, `scenes`, `patches:PATH`, `paste:PATH`. Several sources are mixed.
     #[arg(long = "data", value_name = "WHAT[:SHARE]")]
     pub data: Vec<String>,
-    /// Decides everything random
+    /// Decides everything random.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Changes between the crops of a pair: none, light, strong, or shape (stretch, bent targets, touching neighbors)
+    /// Changes between the crops of a pair: none, light, strong, or shape (stretch, bent targets,
+    /// touching neighbors).
     #[arg(long, default_value = "strong")]
     pub augment: String,
-    /// How much more often a second frame is drawn that shows the target in another aspect or size, or much later
-    /// [default: 3 with --augment shape, else 0: all frames alike]
+    /// How much more often a second frame is drawn that shows the target in another aspect or size,
+    /// or much later [default: 3 with --augment shape, else 0: all frames alike].
     #[arg(long)]
     pub variety: Option<f32>,
-    /// Share of pairs whose template is another target's
+    /// Share of pairs whose template is another target's.
     #[arg(long, default_value_t = 0.1)]
     pub negatives: f32,
-    /// Most frames between the two of a pair
+    /// Largest gap between the two frames of a pair.
     #[arg(long, default_value_t = 100)]
     pub max_gap: u32,
-    /// Choose pairs as video_analyst does: every later frame, boxes of any share of the frame
+    /// Choose pairs as video_analyst does: any later frame, boxes of any size.
     #[arg(long)]
     pub compat: bool,
-    /// Memory for decoded pictures, in GiB
+    /// Memory for decoded pictures, in GiB.
     #[arg(long, default_value_t = 8.0)]
     pub cache_gib: f64,
 }

@@ -8,28 +8,30 @@ use trainer::prune::{LAYERS, Rule, Targets};
 
 #[derive(Debug, clap::Args)]
 pub struct Prune {
-    /// The network: a checkpoint, a weights file, or what `convert --to trainer` wrote
+    /// The network: a checkpoint, a weights file, or what `convert --to trainer` wrote.
     #[arg(value_name = "FILE")]
     pub network: PathBuf,
-    /// The checkpoint to write; replaced if it exists
+    /// The checkpoint to write; replaced if it exists.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// Share of the filters that go from every layer of the full network, whatever is left of it now
+    /// Share of the filters that go from every layer of the full network, whatever is left of it
+    /// now.
     #[arg(long, default_value_t = 0.5)]
     pub ratio: f64,
-    /// A layer's own ratio, such as backbone.conv5=0.3; may be given several times
+    /// A layer's own ratio, such as backbone.conv5=0.3; may be given several times.
     #[arg(long, value_name = "LAYER=R")]
     pub layer_ratio: Vec<String>,
-    /// Of this layer keep the filters of at least that mean rank, such as head.cls2=0.5; may be given several times
+    /// Of this layer keep the filters of at least that mean rank, such as head.cls2=0.5; may be
+    /// given several times.
     #[arg(long, value_name = "LAYER=RANK")]
     pub layer_rank: Vec<String>,
-    /// Pairs of crops over which ranks are averaged
+    /// Pairs of crops over which ranks are averaged.
     #[arg(long, default_value_t = 96)]
     pub pairs: usize,
-    /// Threads that compute [default: one per core]
+    /// Threads that compute [default: one per core].
     #[arg(long)]
     pub threads: Option<usize>,
-    /// The checkpoint's own data where none is given
+    /// The checkpoint's own data where none is given.
     #[command(flatten)]
     pub data: Data,
 }

@@ -11,16 +11,16 @@ use trainer::study::VARIANTS;
 pub struct Sweep {
     #[command(flatten)]
     pub data: Data,
-    /// The folder for the runs, the table and the plot; started again, finished runs are skipped
+    /// The folder for the runs, the table and the plot; started again, finished runs are skipped.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// The network to prune: a checkpoint, a weights file, or what `convert --to trainer` wrote
+    /// The network to prune: a checkpoint, a weights file, or what `convert --to trainer` wrote.
     #[arg(long, value_name = "FILE")]
     pub init: PathBuf,
-    /// Ratios: a list such as 0.5,0.6,0.75, or a range in steps of 0.1 such as 0.1..0.8
+    /// Ratios: a list such as 0.5,0.6,0.75, or a range in steps of 0.1 such as 0.1..0.8.
     #[arg(long, default_value = "0.1..0.8")]
     pub ratios: String,
-    /// Pairs of crops over which ranks are averaged
+    /// Pairs of crops over which ranks are averaged.
     #[arg(long, default_value_t = 96)]
     pub rank_pairs: usize,
     #[command(flatten)]
@@ -33,13 +33,13 @@ pub struct Sweep {
 pub struct Ablate {
     #[command(flatten)]
     pub data: Data,
-    /// The folder for the runs, the table and the plot; started again, finished runs are skipped
+    /// The folder for the runs, the table and the plot; started again, finished runs are skipped.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// A run of each variant for each of these seeds (in place of --seed)
+    /// A run of each variant for each of these seeds (in place of --seed).
     #[arg(long, value_delimiter = ',', default_values_t = [1, 2])]
     pub seeds: Vec<u64>,
-    /// What to train: with everything, or without a part
+    /// What to train: with everything, or without a part.
     #[arg(long, value_delimiter = ',', value_parser = VARIANTS, default_values = VARIANTS)]
     pub variants: Vec<String>,
     #[command(flatten)]

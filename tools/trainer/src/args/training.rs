@@ -11,90 +11,92 @@ use weights_format::Architecture;
 
 #[derive(Debug, clap::Args)]
 pub struct Training {
-    /// Where options begin: `cpu` (AdamW, from nothing, small search crops first) or `paper` (SGD, freezing)
+    /// Default options: `cpu` (AdamW, from random weights, small search crops first) or `paper`
+    /// (SGD, freezing).
     #[arg(long, value_enum, default_value_t = Preset::Cpu, help_heading = "Training")]
     pub preset: Preset,
-    /// Length of the run in minutes of training
+    /// Length of the run in minutes of training.
     #[arg(long, conflicts_with_all = ["steps", "pairs"], help_heading = "Training")]
     pub minutes: Option<f64>,
-    /// Length of the run in steps
+    /// Length of the run in steps.
     #[arg(long, conflicts_with = "pairs", help_heading = "Training")]
     pub steps: Option<u64>,
-    /// Length of the run in pairs
+    /// Length of the run in pairs.
     #[arg(long, help_heading = "Training")]
     pub pairs: Option<u64>,
-    /// Pairs per step
+    /// Pairs per step.
     #[arg(long, help_heading = "Training")]
     pub batch: Option<usize>,
-    /// Highest learning rate
+    /// Highest learning rate.
     #[arg(long, help_heading = "Training")]
     pub rate: Option<f64>,
-    /// Last learning rate
+    /// Last learning rate.
     #[arg(long, help_heading = "Training")]
     pub floor_rate: Option<f64>,
-    /// Share of the run in which the learning rate rises
+    /// Share of the run in which the learning rate rises.
     #[arg(long, help_heading = "Training")]
     pub warmup_share: Option<f64>,
-    /// Weight decay
+    /// Weight decay.
     #[arg(long, help_heading = "Training")]
     pub decay: Option<f32>,
-    /// Largest norm of the gradient, 0 for no limit
+    /// Largest norm of the gradient, 0 for no limit.
     #[arg(long, help_heading = "Training")]
     pub clip: Option<f32>,
-    /// Share of the old in a running average of the weights, which then is what is deployed; 0 for none
+    /// Decay of a running average of the weights, which is then deployed; 0 for no average.
     #[arg(long, help_heading = "Training")]
     pub average: Option<f32>,
-    /// Side of the search crops in the first part of the run
+    /// Side of the search crops in the first part of the run.
     #[arg(long, help_heading = "Training")]
     pub early_size: Option<usize>,
-    /// Share of the run that is its first part
+    /// Share of the run that is its first part.
     #[arg(long, help_heading = "Training")]
     pub early_share: Option<f64>,
-    /// Batches from which batch statistics are estimated anew at the end, 0 to keep the running ones
+    /// Batches from which batch statistics are re-estimated at the end; 0 keeps the running ones.
     #[arg(long, help_heading = "Training")]
     pub estimation_batches: Option<usize>,
 
-    /// Widths: share of the filters that pruning took from every layer of the full network [default: 0.5]
+    /// Widths, as the share of filters pruned from every layer of the full network [default: 0.5].
     #[arg(long, help_heading = "Network")]
     pub ratio: Option<f64>,
-    /// Side of the search crops
+    /// Side of the search crops.
     #[arg(long, default_value_t = 303, help_heading = "Network")]
     pub search_size: usize,
-    /// No encoders: SiamFC++ as it is
+    /// No encoders: plain SiamFC++.
     #[arg(long, help_heading = "Network")]
     pub no_encoder: bool,
-    /// No mutual-information losses
+    /// No mutual-information losses.
     #[arg(long, help_heading = "Network")]
     pub no_mi: bool,
-    /// No identity loss
+    /// No identity loss.
     #[arg(long, help_heading = "Network")]
     pub no_identity: bool,
-    /// Networks of the mutual-information losses [default: the preset's]
+    /// Networks of the mutual-information losses [default: the preset's].
     #[arg(long, value_enum, help_heading = "Network")]
     pub statistics: Option<Statistics>,
 }
 
 #[derive(Debug, clap::Args)]
 pub struct Behavior {
-    /// Threads that compute [default: one per core]
+    /// Threads that compute [default: one per core].
     #[arg(long, help_heading = "Run")]
     pub threads: Option<usize>,
-    /// Threads that make samples
+    /// Threads that make samples.
     #[arg(long, default_value_t = 1, help_heading = "Run")]
     pub data_threads: usize,
-    /// Minutes of training between checkpoints
+    /// Minutes of training between checkpoints.
     #[arg(long, default_value_t = 5.0, help_heading = "Run")]
     pub checkpoint_minutes: f64,
-    /// A folder of sequences to validate on; may be given several times
+    /// A folder of sequences to validate on; may be given several times.
     #[arg(long, value_name = "DIR", help_heading = "Run")]
     pub validate: Vec<PathBuf>,
-    /// Four passes over each sequence: from its first and middle frame forwards, from its last and middle frame backwards
+    /// Four passes over each sequence: from its first and middle frame forwards, from its last and
+    /// middle frame backwards.
     #[arg(long, help_heading = "Run")]
     pub four_starts: bool,
-    /// Rendered flights to validate on
+    /// Rendered flights to validate on.
     #[arg(long, default_value_t = 0, help_heading = "Run")]
     pub validate_flights: usize,
-    /// Most frames of each to track
+    /// Most frames of each to track.
     #[arg(long, default_value_t = 80, help_heading = "Run")]
     pub validate_frames: usize,
 }
@@ -102,23 +104,24 @@ pub struct Behavior {
 /// Where training options begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Preset {
-    /// For hours on a few cores, from nothing
+    /// For hours on a few cores, from random weights.
     Cpu,
-    /// The reference implementation's schedule, for a pretrained backbone
+    /// The reference implementation's schedule, for a pretrained backbone.
     Paper,
 }
 
 /// Networks of the mutual-information losses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Statistics {
-    /// The global one sees averages
+    /// The global one sees averages.
     Light,
-    /// The global one sees whole maps
+    /// The global one sees whole maps.
     Full,
 }
 
 impl Training {
-    /// How the network is trained that begins as `init`, if there is one; `seed` decides first values.
+    /// How the network is trained that begins as `init`, if there is one; `seed` decides first
+    /// values.
     pub fn options(&self, init: Option<&Architecture>, seed: u64) -> Result<FitOptions, Error> {
         let mut options = match self.preset {
             Preset::Cpu => FitOptions::cpu(),
@@ -202,9 +205,12 @@ impl Behavior {
 
     /// How the run behaves.
     pub fn run_options(&self, out: &Path, validate_minutes: f64) -> Result<RunOptions, Error> {
-        let minutes = |option: &str, value: f64| match value >= 0.0 {
-            true => Ok(value),
-            false => Err(wrong(option, "0 or more", &value)),
+        let minutes = |option: &str, value: f64| {
+            if value >= 0.0 {
+                Ok(value)
+            } else {
+                Err(wrong(option, "0 or more", &value))
+            }
         };
         Ok(RunOptions {
             out: out.into(),

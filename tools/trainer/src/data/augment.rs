@@ -1,10 +1,11 @@
-//! How much is changed about a pair, and how often.
+//! Strength and frequency of the augmentations of a pair.
 
 use serde::{Deserialize, Serialize};
 
 /// Strengths and probabilities of all changes; those that older checkpoints do not name are 0.
 ///
-/// The presets are [`none`](Self::none), [`light`](Self::light), [`strong`](Self::strong) and [`shape`](Self::shape).
+/// The presets are [`none`](Self::none), [`light`](Self::light), [`strong`](Self::strong) and
+/// [`shape`](Self::shape).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Augment {
     /// Reach of the logarithm of the search crop's scale.
@@ -19,9 +20,10 @@ pub struct Augment {
     pub rotation: f32,
     /// Reach of the logarithm of the stretch between the crops; three times that for stills.
     pub aspect: f32,
-    /// Probability that both crops have another light and color than the picture.
+    /// Probability that light and color of both crops differ from the picture.
     pub shared_color: f32,
-    /// Probability that the search crop differs from the template in light and color; twice that for stills.
+    /// Probability that the search crop differs from the template in light and color; twice that
+    /// for stills.
     pub own_color: f32,
     /// Probability that light falls on the search picture from one side.
     #[serde(default)]
@@ -47,15 +49,17 @@ pub struct Augment {
     /// Share of the look-alikes that are of the target's own kind, where its data tell kinds apart.
     #[serde(default)]
     pub kin: f32,
-    /// Probability that what lies outside the search picture is filled from another one, of the target's kind if that is known.
+    /// Probability that what lies outside the search picture is filled from another one, of the
+    /// target's kind if that is known.
     #[serde(default)]
     pub beside: f32,
-    /// Probability that something made up is round and turns between the pictures.
+    /// Probability that a synthetic target is a ball that turns between the pictures.
     #[serde(default)]
     pub round: f32,
     /// Probability of something pasted over a part of the target.
     pub occluder: f32,
-    /// Probability that the search crop is stretched by up to `stretch` and sheared by up to `shear`.
+    /// Probability that the search crop is stretched by up to `stretch` and sheared by up to
+    /// `shear`.
     #[serde(default)]
     pub stretched: f32,
     /// Reach of the logarithm of that stretch: widths times it, heights divided by it.
@@ -64,10 +68,11 @@ pub struct Augment {
     /// Reach of that shear, in pixels to the side per pixel down.
     #[serde(default)]
     pub shear: f32,
-    /// Largest share of a side that angle and shear may add to the other side of a box; 0 for no bound.
+    /// Largest share of a side that angle and shear may add to the other side of a box; 0 for no
+    /// bound.
     #[serde(default)]
     pub slant: f32,
-    /// Probability that a made-up target changes its outline and stretch between the pictures.
+    /// Probability that a synthetic target changes its outline and stretch between the pictures.
     #[serde(default)]
     pub bend: f32,
     /// Share of pasted look-alikes that cover a part of the target.
@@ -178,7 +183,8 @@ impl Augment {
         }
     }
 
-    /// Targets that change shape, and neighbors that touch or cover them; colors change less than in `strong`.
+    /// Targets that change shape, and neighbors that touch or cover them; colors change less than
+    /// in `strong`.
     pub const fn shape() -> Augment {
         Augment {
             rotation: 5.0,

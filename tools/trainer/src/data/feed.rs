@@ -1,4 +1,4 @@
-//! Batches made ahead on threads of their own, in order, the same however the threads run.
+//! Batches made ahead on worker threads, in order and independent of thread timing.
 
 use super::{Dataset, Sample};
 use std::collections::BTreeMap;
@@ -6,14 +6,14 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
-/// What a batch is to be like.
+/// Request for a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Order {
     number: u64,
     search_size: usize,
 }
 
-/// Makes batches of a data set, a few ahead of those taken.
+/// Makes batches of a data set ahead of their use.
 #[derive(Debug)]
 pub struct Feed {
     orders: Option<Sender<Order>>,
@@ -26,7 +26,8 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Batches of `batch` samples from number `first` on, made by `threads` threads, at most `ahead` of them waiting.
+    /// Batches of `batch` samples from number `first` on, made by `threads` threads, at most
+    /// `ahead` of them waiting.
     pub fn new(
         dataset: Arc<Dataset>,
         batch: usize,
@@ -86,7 +87,8 @@ impl Feed {
                 search_size: search_size(self.next_order),
             };
             if let Some(orders) = &self.orders {
-                let _ = orders.send(order); // fails only if all workers are gone, which `recv` below tells
+                // Sending fails only if all workers are gone, which `recv` below reports.
+                let _ = orders.send(order);
             }
             self.next_order += 1;
         }

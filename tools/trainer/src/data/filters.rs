@@ -1,4 +1,4 @@
-//! What cameras and codecs do to square BGR crops, `[side, side, 3]`: blur, noise, JPEG, low resolution.
+//! Degradations of square BGR crops, `[side, side, 3]`: blur, noise, JPEG, low resolution.
 
 use super::warp::blend;
 use crate::rng::Rng;
@@ -52,7 +52,7 @@ fn taps(places: impl Iterator<Item = ((i32, i32), f32)>) -> Vec<Tap> {
     taps
 }
 
-/// Weighted sum of shifted copies; at the edge the outermost pixel goes on.
+/// Weighted sum of shifted copies. Beyond the edge the outermost pixel is repeated.
 fn filter(image: &[u8], side: usize, taps: &[Tap]) -> Vec<u8> {
     let row = side * 3;
     let mut out = vec![0; image.len()];
@@ -102,9 +102,9 @@ pub fn noise(image: &mut [u8], sigma: f32, rng: &mut Rng) {
     }
 }
 
-/// Through a JPEG file of a quality (1..=100) and back.
+/// Encodes and decodes as JPEG of a quality from 1 to 100.
 ///
-/// The channels count as red, green and blue in turn; the artifacts are the same in kind.
+/// The channels are taken for red, green and blue; the artifacts are of the same kind.
 pub fn jpeg(image: &[u8], side: usize, quality: u8) -> Vec<u8> {
     let mut file = Vec::new();
     let size = side as u32;
@@ -121,7 +121,7 @@ pub fn jpeg(image: &[u8], side: usize, quality: u8) -> Vec<u8> {
     }
 }
 
-/// What is left of an image that was `factor` times smaller: means of blocks, then bilinear between them.
+/// Reduces the resolution by `factor` by block means, then enlarges bilinearly.
 pub fn low_resolution(image: &[u8], side: usize, factor: f32) -> Vec<u8> {
     let small_side = ((side as f32 / factor).round() as usize).clamp(2, side);
     let edge = |i: usize| i * side / small_side;
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn blurs_spread_as_far_as_they_say() {
+    fn blur_has_its_deviation() {
         let (sum, x, y) = spread(&blur(&dot(), SIDE, 1.0));
         assert!(
             (sum - 255.0).abs() < 30.0 && (x - 1.0).abs() < 0.1 && (y - 1.0).abs() < 0.1,
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_stay() {
+    fn filters_keep_constant_images() {
         let image = [7u8, 99, 255].repeat(SIDE * SIDE);
         for out in [
             blur(&image, SIDE, 1.7),

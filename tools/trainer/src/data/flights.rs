@@ -1,4 +1,4 @@
-//! Rendered flights as training data: an endless row of them, a few at a time.
+//! Rendered flights as training data: an endless sequence of them, a few at a time.
 
 use super::geometry::View;
 use super::picture::Picture;
@@ -10,8 +10,9 @@ use track_cpu::BBox;
 
 /// Flights that samples draw their pairs from.
 ///
-/// Which flights a sample may use depends on its index alone: a window over the row of flights moves on by one flight every
-/// so many samples. A flight is rendered when the first sample wants it.
+/// The flights of a sample depend on its index alone: a window over the sequence of flights
+/// advances by one flight every so many samples. A flight is rendered for the first sample that
+/// uses it.
 #[derive(Debug)]
 pub struct Flights {
     seed: u64,
@@ -38,7 +39,8 @@ const FRAMES: usize = 16;
 const STRIDE: usize = 15;
 
 impl Flights {
-    /// Flights of a `seed`; every one serves about `pairs` pairs if a `share` of all samples comes from them.
+    /// Flights of a `seed`; every one serves about `pairs` pairs if a `share` of all samples comes
+    /// from them.
     pub fn new(seed: u64, share: f64, pairs: f64) -> Flights {
         let samples_per_flight = (pairs / share.max(1e-3)).clamp(1.0, 1e9) as u64;
         Flights {
@@ -48,7 +50,7 @@ impl Flights {
         }
     }
 
-    /// Two frames of one flight; `None` if its target hides too well.
+    /// Two frames of one flight; `None` if its target is visible in too few frames.
     pub fn draw_pair(&self, index: u64, rng: &mut Rng) -> Option<(View, View)> {
         let number = index / self.samples_per_flight + rng.below(WINDOW as usize) as u64;
         let cell = {
@@ -56,7 +58,8 @@ impl Flights {
                 .clips
                 .lock()
                 .unwrap_or_else(std::sync::PoisonError::into_inner);
-            // Behind the window nothing is wanted any more, but for samples that another thread is late with.
+            // Flights before the window are no longer needed, except by samples that another thread
+            // makes late.
             let oldest = (index / self.samples_per_flight).saturating_sub(WINDOW);
             *clips = clips.split_off(&oldest);
             clips.entry(number).or_default().clone()
@@ -70,7 +73,7 @@ impl Flights {
     }
 }
 
-/// How the flight of a number is to be.
+/// Configuration of the flight of a number.
 fn config(seed: u64, number: u64) -> FlightConfig {
     let mut rng = Rng::new(seed, 0xf119, number);
     let difficulty = *rng.pick(&[Difficulty::Easy, Difficulty::Medium, Difficulty::Hard]);
@@ -98,7 +101,8 @@ fn render(seed: u64, number: u64) -> Clip {
             && b.y + 0.5 * b.h < height;
         if truth.visible > 0.4 && inside && b.w >= 4.0 && b.h >= 4.0 {
             let picture = Arc::new(Picture::new(frame.width, frame.height, frame.data.clone()));
-            // Continuous edges and inclusive pixel counts give the same four numbers (`BBox`, `TruthBox`).
+            // Continuous edges and inclusive pixel counts give the same four numbers (`BBox`,
+            // `TruthBox`).
             let view = View {
                 picture,
                 bbox: BBox::new(b.x, b.y, b.w, b.h),
@@ -117,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_whatever_was_asked_before_and_moving_on() {
+    fn flight_of_a_sample_is_independent_of_earlier_samples() {
         let draw = |flights: &Flights, index| {
             let pair = flights.draw_pair(index, &mut Rng::new(1, 1, index));
             pair.map(|(a, b)| (a.bbox, a.picture.border, b.bbox))

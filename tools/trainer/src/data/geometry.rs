@@ -17,7 +17,8 @@ pub struct View {
     pub bbox: BBox,
 }
 
-/// Corners of a box in crop pixels, pixel centers inclusive: left, top, right, bottom (docs/method.md, section 3.2).
+/// Corners of a box in crop pixels, pixel centers inclusive: left, top, right, bottom
+/// (docs/method.md, section 3.2).
 pub type Corners = [f32; 4];
 
 /// Side of the template crop.
@@ -26,12 +27,12 @@ pub const TEMPLATE_SIZE: usize = 127;
 /// Context around the target, as a share of (w + h).
 const CONTEXT: f64 = 0.5;
 
-/// How all crops of one pair are turned: quarter turns, then mirrored or not.
+/// Orientation of all crops of a pair: quarter turns, then mirroring.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pose {
     /// Quarter turns, 0..4.
     pub quarters: u8,
-    /// Whether left and right change places.
+    /// Whether left and right are exchanged.
     pub mirrored: bool,
 }
 
@@ -74,7 +75,7 @@ impl Pose {
     }
 }
 
-/// The template crop, `[127, 127, 3]` BGR: as the tracker cuts it, turned by the pose.
+/// The template crop, `[127, 127, 3]` BGR: the tracker's crop, turned by the pose.
 pub fn template(view: &View, pose: Pose) -> Vec<u8> {
     let BBox { w, h, .. } = view.bbox;
     let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE);
@@ -90,9 +91,10 @@ pub fn template(view: &View, pose: Pose) -> Vec<u8> {
 
 /// A search crop of `size` pixels, `[size, size, 3]` BGR, and the target's corners in it.
 ///
-/// Scale, place, and as far as `augment` says angle and aspect are random; a `still` (a frame paired with itself) is
-/// turned and stretched more. The whole box lies within the crop, or nothing is changed. What lies outside the picture is
-/// filled from `beside`, the surroundings of some other target; without it with the picture's border color.
+/// Scale, place, angle, aspect and shear are random within the reach of `augment`. A `still`, a
+/// frame paired with itself, is turned and stretched more. If no random change keeps the whole box
+/// in the crop, nothing is changed. Pixels outside the picture are filled from `beside`, the
+/// surroundings of another target, or else with the border color of the picture.
 pub fn search(
     view: &View,
     beside: Option<&View>,
@@ -140,7 +142,7 @@ fn surroundings(view: &View, pose: Pose, size: usize, rng: &mut Rng) -> Vec<u8> 
     cut(view, &pose.matrix(scale, &STILL), shift, size)
 }
 
-/// Replaces what lies outside the picture, if there is such.
+/// Replaces the pixels outside the picture, if there are any.
 fn fill_outside(crop: &mut [u8], grid: &Grid, picture: &Picture, other: impl FnOnce() -> Vec<u8>) {
     let end = grid.side - 1;
     if [(0, 0), (end, 0), (0, end), (end, end)]
@@ -189,8 +191,8 @@ fn jitter(size: usize, still: bool, augment: &Augment, rng: &mut Rng) -> Jitter 
 
 /// Halves angle and shear until the box of the ellipse is a tight one for every shape.
 ///
-/// In a slanted picture the target's width adds to its height and the reverse, by an amount that depends on its unknown
-/// shape. `most` bounds that amount as a share of the side it adds to.
+/// In a slanted picture the target's width adds to its height and the reverse, by an amount that
+/// depends on its unknown shape. `most` bounds that amount as a share of the side it adds to.
 fn straighten(mut jitter: Jitter, bbox: &BBox, pose: Pose, most: f64) -> Jitter {
     for _ in 0..6 {
         let cross = extents(bbox, &pose.matrix(1.0, &jitter))
@@ -229,8 +231,8 @@ fn grid(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Grid {
     }
 }
 
-/// What a box's width and height each contribute to its extent in the crop, times the matrix's determinant: across, then
-/// down.
+/// What a box's width and height each contribute to its extent in the crop, times the matrix's
+/// determinant: across, then down.
 fn extents(bbox: &BBox, matrix: &Matrix) -> [[f64; 2]; 2] {
     let [[a, b], [c, d]] = *matrix;
     let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
@@ -239,8 +241,8 @@ fn extents(bbox: &BBox, matrix: &Matrix) -> [[f64; 2]; 2] {
 
 /// The target's box in the crop: the box of the ellipse inscribed in the target's box.
 ///
-/// The rule is exact for stretch, mirroring and quarter turns. For a small turn or shear it lies between the boxes of a
-/// rectangle and a diamond.
+/// The rule is exact for stretch, mirroring and quarter turns. For a small turn or shear it lies
+/// between the boxes of a rectangle and a diamond.
 fn corners(bbox: &BBox, matrix: &Matrix, shift: [f64; 2], side: usize) -> Corners {
     let [[a, b], [c, d]] = *matrix;
     let determinant = a * d - b * c;
@@ -296,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn the_template_is_the_trackers() {
+    fn upright_template_equals_the_trackers() {
         let view = view(BBox::new(60.0, 50.0, 37.0, 21.0));
         let scale = scale(37.0, 21.0, 0.5, 127);
         let region = Region::around(&view.bbox.center(), scale, 127);
@@ -320,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_lie_on_the_target_in_every_pose() {
+    fn target_in_every_pose_has_its_corners() {
         let augment = Augment {
             rotation: 0.0,
             ..Augment::strong()
@@ -417,8 +419,9 @@ mod tests {
     }
 
     #[test]
-    fn poses_turn_template_and_search_crop_alike() {
-        // A bright dot right of the target's center goes down with one quarter turn of the picture's grid.
+    fn pose_turns_template_and_search_crop_alike() {
+        // A bright dot right of the target's center goes down with one quarter turn of the
+        // picture's grid.
         let mut picture = Picture::new(101, 101, vec![0; 3 * 101 * 101]);
         picture.data[(50 * 101 + 60) * 3..][..3].fill(255);
         let bbox = BBox::new(35.0, 35.0, 31.0, 31.0);
@@ -466,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_outside_comes_from_beside() {
+    fn pixels_outside_the_picture_come_from_beside() {
         let paint = |value| View {
             picture: Arc::new(Picture::new(60, 60, vec![value; 3 * 60 * 60])),
             bbox: BBox::new(20.0, 20.0, 20.0, 20.0),
@@ -498,7 +501,7 @@ mod tests {
     }
 
     #[test]
-    fn scale_and_place_vary_within_their_bounds() {
+    fn scale_and_place_stay_within_their_bounds() {
         let view = view(BBox::new(60.0, 50.0, 37.0, 37.0));
         let mut rng = Rng::new(1, 2, 3);
         let side = f64::from(37.0f32) * scale(37.0, 37.0, 0.5, 127);

@@ -12,7 +12,7 @@
 //! | `augment`, `photo`, `filters` | what is changed about them |
 //! | `feed` | batches made ahead, on threads of their own |
 //!
-//! Everything about sample number `i` follows from the seed and `i`.
+//! Sample number `i` depends on the seed and `i` only.
 
 pub mod augment;
 pub mod feed;
@@ -48,13 +48,13 @@ use tracks::{Shot, Target, Tracks, running};
 /// How pairs are made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DataOptions {
-    /// Decides everything random.
+    /// Seed of all random choices.
     pub seed: u64,
     /// Share of pairs whose template is another target's.
     pub negatives: f32,
-    /// What is changed about the crops.
+    /// Changes of the crops.
     pub augment: Augment,
-    /// Which two frames make a pair.
+    /// Rules for the two frames of a pair.
     pub rules: PairRules,
     /// Most bytes of decoded pictures that are kept.
     pub cache_bytes: usize,
@@ -82,7 +82,8 @@ pub struct Sample {
     pub template: Vec<u8>,
     /// The search crop, `[search_size, search_size, 3]` BGR.
     pub search: Vec<u8>,
-    /// The template crop of the target in the search picture, `[127, 127, 3]` BGR (docs/method.md, section 3.7, Z').
+    /// The template crop of the target in the search picture, `[127, 127, 3]` BGR (docs/method.md,
+    /// section 3.7, Z').
     pub again: Vec<u8>,
     /// Side of the search crop.
     pub search_size: usize,
@@ -113,7 +114,7 @@ enum Source {
     Paste(Vec<PictureId>),
 }
 
-/// How often another pair is drawn when a picture cannot be read.
+/// Attempts to draw a pair whose pictures can be read.
 const TRIES: usize = 1000;
 
 /// Two views of one target.
@@ -179,14 +180,14 @@ impl Dataset {
         Ok(dataset)
     }
 
-    /// Whether a pair can be made of a source, within a good number of tries.
+    /// Whether a source yields a pair within [`TRIES`] attempts.
     fn is_readable(&self, source: usize) -> bool {
         let mut rng = Rng::new(self.options.seed, 0x7e57, 0);
         matches!(self.sources[source], Source::Flights(_))
             || (0..TRIES).any(|_| self.pair_of(source, 0, &mut rng).is_some())
     }
 
-    /// How many picture files turned out not to be readable so far.
+    /// Number of picture files that could not be read so far.
     pub fn unreadable(&self) -> usize {
         self.album.unreadable()
     }
@@ -203,7 +204,7 @@ impl Dataset {
 
     /// Sample number `index`, with a search crop of `search_size` pixels.
     ///
-    /// Panics if the pictures of the sources cannot be read any more; when they were opened, some could.
+    /// Panics if the pictures of the sources cannot be read any more.
     pub fn sample(&self, index: u64, search_size: usize) -> Sample {
         let mut rng = Rng::new(self.options.seed, 0xda7a, index);
         let negative = rng.chance(self.options.negatives);
@@ -248,7 +249,7 @@ impl Dataset {
         }
     }
 
-    /// Two views of one target at different moments, just as they were taken; `None` if there seem to be none.
+    /// Two unchanged views of one target at different moments; `None` if no source has any.
     pub fn moments(&self, index: u64) -> Option<(View, View)> {
         let mut rng = Rng::new(self.options.seed, 0x303e, index);
         let mut pairs = (0..TRIES).map(|_| self.pair(index, &mut rng).1);
@@ -257,8 +258,8 @@ impl Dataset {
             .map(|pair| (pair.first, pair.second))
     }
 
-    /// Two views of one target and the number of their source. A source that fails (a picture that cannot be read) is
-    /// asked again, and others after it.
+    /// Two views of one target and the number of their source. If a picture cannot be read, another
+    /// pair is drawn.
     fn pair(&self, index: u64, rng: &mut Rng) -> (usize, Pair) {
         for _ in 0..TRIES {
             let source = rng.weighted(&self.cumulative);
@@ -343,21 +344,23 @@ impl Dataset {
         self.view(*rng.pick(&kin.shots))
     }
 
-    /// A target to fill the search crop up with: one of the same kind but in another picture, or any other.
+    /// A target whose surroundings fill the search crop: one of the same kind in another picture,
+    /// or any other.
     fn beside(&self, pair: &Pair, index: u64, rng: &mut Rng) -> View {
         let kin = self.kin(pair.target.filter(|_| pair.still), rng);
         let elsewhere = kin.filter(|view| !Arc::ptr_eq(&view.picture, &pair.first.picture));
         elsewhere.unwrap_or_else(|| self.pair(index, rng).1.first)
     }
 
-    /// Something cut out of one of some pictures.
+    /// A random cutout of one of the pictures.
     fn cutout(&self, pictures: &[PictureId], rng: &mut Rng) -> Option<Cutout> {
         let picture: Arc<Picture> = self.album.get(*rng.pick(pictures))?;
         let (aspect, side) = (rng.factor(1.0), rng.log_range(24.0, 120.0));
         Some(Cutout::random(&picture, aspect, side, rng))
     }
 
-    /// Puts neighbors, an occluder, a mask and a shadow into the second view, as often as the augmentation says.
+    /// Puts neighbors, an occluder, a mask and a shadow into the second view, as often as the
+    /// augmentation says.
     ///
     /// The target's box stays: it is the extent of the target, also where that is covered.
     fn populate(&self, pair: &mut Pair, index: u64, rng: &mut Rng) {
@@ -380,8 +383,8 @@ impl Dataset {
         if masked {
             paste::mask(&mut picture, &pair.second.picture, &bbox, rng);
         }
-        // A share are the target itself in other colors, a share of its kind; of the others half are parts of pictures
-        // and half are other targets.
+        // A share are the target itself in other colors, a share of its kind; of the others half
+        // are parts of pictures and half are other targets.
         let target = pair.target;
         let next = |rng: &mut Rng| {
             if rng.sometimes(augment.twin) {
@@ -452,12 +455,11 @@ fn pictures_of(
     album: &mut Album,
     skipped: &mut Skipped,
 ) -> Result<Vec<PictureId>, Error> {
-    let mut files = match path.is_dir() {
-        true => sequences::pictures_below(path)?,
-        false => rows::read(path, skipped)?
-            .into_iter()
-            .map(|row| row.path)
-            .collect(),
+    let mut files: Vec<_> = if path.is_dir() {
+        sequences::pictures_below(path)?
+    } else {
+        let rows = rows::read(path, skipped)?;
+        rows.into_iter().map(|row| row.path).collect()
     };
     files.sort();
     files.dedup();
@@ -533,9 +535,11 @@ mod tests {
         hash
     }
 
-    /// Checkpoints continue on the samples they would have seen: whatever makes samples faster keeps their bits.
+    /// Checkpoints continue on the samples they would have seen: whatever makes samples faster
+    /// keeps their bits.
     #[test]
-    #[cfg(all(target_os = "linux", target_arch = "x86_64"))] // other systems round `powf` differently
+    // Other systems may round `powf` differently.
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
     fn presets_keep_the_bits_of_their_samples() {
         let expected = [
             ("none", 7497412465699244356),

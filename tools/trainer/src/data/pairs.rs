@@ -1,4 +1,4 @@
-//! Which two frames of a track make a pair (docs/method.md, Training pairs).
+//! Which two frames of a track make a pair (docs/method.md, section 3.1).
 
 use super::tracks::{Shot, running};
 use crate::rng::Rng;
@@ -8,15 +8,16 @@ use track_cpu::BBox;
 /// Rules for the two frames of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PairRules {
-    /// Most frames between them.
+    /// Largest gap between them in frames.
     pub max_gap: u32,
-    /// As video_analyst does it: every later frame may be the second one, however far.
+    /// Whether any later frame may be the second one, as in video_analyst.
     pub compat: bool,
     /// Greatest ratio of a box's sides.
     pub max_aspect: f32,
     /// Smallest side of a box in pixels.
     pub min_side: f32,
-    /// How much more often a second frame is drawn that shows the target in another shape; 0 for all alike.
+    /// How much more often a second frame is drawn that shows the target in another shape; 0 for
+    /// all alike.
     #[serde(default)]
     pub variety: f32,
 }
@@ -40,7 +41,8 @@ impl PairRules {
         short >= self.min_side && long < self.max_aspect * short
     }
 
-    /// Two frames of a track, the first uniform, the second within the gap; a still is paired with itself.
+    /// Two frames of a track, the first uniform, the second within the gap; a still is paired with
+    /// itself.
     ///
     /// `shots` is in the order of time and not empty.
     pub fn draw(&self, rng: &mut Rng, shots: &[Shot]) -> (Shot, Shot) {
@@ -61,8 +63,8 @@ impl PairRules {
         (first, *rng.pick(near))
     }
 
-    /// Relative frequency of a second frame: 1 for the first frame itself, more the more the target's aspect, its size and
-    /// the time differ.
+    /// Relative frequency of a second frame: 1 for the first frame itself, more the more the
+    /// target's aspect, its size and the time differ.
     fn weight(&self, first: &Shot, second: &Shot) -> f64 {
         let aspect = |shot: &Shot| f64::from(shot.bbox.w / shot.bbox.h).ln();
         let area = |shot: &Shot| f64::from(shot.bbox.area()).ln();
@@ -76,8 +78,8 @@ impl PairRules {
 
 /// Whether a box covers a usable share of its whole frame: more than 0.1 % and less than 60 %.
 ///
-/// video_analyst means to test this but never does, so `compat` leaves it out. It cannot be applied to data that are
-/// crops of frames.
+/// The test in video_analyst has no effect, so `compat` leaves it out. It does not apply to crops
+/// of frames.
 pub fn share_is_usable(bbox: &BBox, width: usize, height: usize) -> bool {
     let share = bbox.area() / (width * height) as f32;
     share > 0.001 && share < 0.6
@@ -98,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_are_kept_in_both_directions_unless_compatible() {
+    fn gap_is_bounded_both_ways_unless_compatible() {
         let shots = shots((0..100).map(|i| i * 10));
         let mut rng = Rng::new(0, 0, 0);
         let gap = |rules: &PairRules, rng: &mut Rng| {
@@ -148,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_boxes_are_refused_and_single_frames_pair_with_themselves() {
+    fn odd_boxes_are_refused_and_a_still_pairs_with_itself() {
         let rules = PairRules::default();
         let one = shots(5..6);
         assert_eq!(rules.draw(&mut Rng::new(0, 0, 1), &one), (one[0], one[0]));

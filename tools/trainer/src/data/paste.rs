@@ -1,4 +1,4 @@
-//! Cutting things out of pictures and pasting them into others: distractors, occluders, and whole made-up pairs.
+//! Cut-and-paste augmentation: distractors, occluders, masks, shadows and synthetic pairs.
 
 use super::geometry::View;
 use super::photo::{apply, curves};
@@ -9,7 +9,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 use track_cpu::BBox;
 
-/// A part of a picture and the outline it is cut out by.
+/// A part of a picture and its outline.
 #[derive(Clone, Debug)]
 pub struct Cutout {
     picture: Arc<Picture>,
@@ -18,15 +18,16 @@ pub struct Cutout {
     outline: Outline,
     curves: Option<Box<[[u8; 256]; 3]>>,
     body: Option<Body>,
-    bend: Vec<f32>, // factors of the radius at which the picture is read, at equal angles; empty for none
+    /// Factors of the radius at which the picture is read, at equal angles; empty for none.
+    bend: Vec<f32>,
 }
 
-/// A ball that the picture is wrapped around; what lies beside the cut-out part comes into view as it turns.
+/// A ball around which the picture is wrapped. As it turns, parts beside the cutout come into view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Body {
-    /// How far it is turned about its upright and its level axis, in radians.
+    /// Rotation about the vertical and the horizontal axis, in radians.
     turned: [f32; 2],
-    /// Where light comes from: right, down, toward the viewer; of length 1.
+    /// Unit vector toward the light: right, down, toward the viewer.
     light: [f32; 3],
 }
 
@@ -48,8 +49,8 @@ impl Body {
         }
     }
 
-    /// Where the picture that is wrapped around the body is seen at a place within the outline, in half sizes from its
-    /// center, and how bright it is there.
+    /// The place of the picture that is visible at a place within the outline, both in half sizes
+    /// from the center, and the brightness there.
     fn look(&self, u: f32, v: f32) -> ([f32; 2], f32) {
         let z = (1.0 - u * u - v * v).max(0.0).sqrt();
         let facing = u * self.light[0] + v * self.light[1] + z * self.light[2];
@@ -104,7 +105,8 @@ impl Outline {
         }
     }
 
-    /// The same outline after some parts have moved in or out, and the factors from its radii to the former ones.
+    /// The same outline after some parts have moved in or out, and the factors from its radii to
+    /// the former ones.
     ///
     /// A rectangle stays as it is.
     fn bent(&self, rng: &mut Rng) -> (Outline, Vec<f32>) {
@@ -132,7 +134,8 @@ fn radius(radii: &[f32], u: f32, v: f32) -> f32 {
 }
 
 impl Cutout {
-    /// A random textured part, of `aspect` = width over height, its sides about `side` picture pixels.
+    /// A random textured part of a picture, of `aspect` = width over height and sides of about
+    /// `side` pixels.
     pub fn random(picture: &Arc<Picture>, aspect: f32, side: f32, rng: &mut Rng) -> Cutout {
         let bbox = textured_box(picture, aspect, side, rng);
         Cutout::of(
@@ -144,7 +147,7 @@ impl Cutout {
         )
     }
 
-    /// A target: what lies in its box.
+    /// The contents of a target's box.
     pub fn of(view: &View, rng: &mut Rng) -> Cutout {
         let center = view.bbox.center();
         Cutout {
@@ -189,7 +192,7 @@ impl Cutout {
         }
     }
 
-    /// The same thing as something round.
+    /// The same cutout on a ball.
     pub fn rounded(self, rng: &mut Rng) -> Cutout {
         Cutout {
             body: Some(Body::random(rng)),
@@ -202,7 +205,8 @@ impl Cutout {
         self.half[0] / self.half[1]
     }
 
-    /// Pastes into `picture`; the tight box of what is in it then, `None` if that is next to nothing.
+    /// Pastes into `picture` and returns the tight box of the visible part; `None` if fewer than 12
+    /// pixels are visible.
     pub fn paste(&self, picture: &mut Picture, place: &Place) -> Option<BBox> {
         let (sin, cos) = place.angle.sin_cos();
         let half = place.size.map(|s| (s / 2.0).max(0.5));
@@ -279,8 +283,8 @@ impl Cutout {
     }
 }
 
-/// A box of `aspect` = width over height and sides about `side` pixels (at most 0.4 of the picture's), the most textured of
-/// a few.
+/// A box of `aspect` = width over height and sides about `side` pixels (at most 0.4 of the
+/// picture's), the most textured of a few.
 pub fn textured_box(picture: &Picture, aspect: f32, side: f32, rng: &mut Rng) -> BBox {
     let (width, height) = (picture.width as f32, picture.height as f32);
     let side = side.min(0.4 * width.min(height)).max(2.0);
@@ -314,7 +318,8 @@ fn texture(picture: &Picture, bbox: &BBox) -> f32 {
     (squares / n - (sum / n).powi(2)).max(0.0).sqrt()
 }
 
-/// Where pasted look-alikes stand: shares of those that cover and that touch the target; the others keep apart.
+/// Where pasted look-alikes stand: shares of those that cover and that touch the target; the others
+/// keep apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Crowd {
     /// Share that cover 10 to 50 % of the target's box.
@@ -385,7 +390,8 @@ fn covering(bbox: &BBox, size: [f32; 2], rng: &mut Rng) -> Place {
         };
         side(0) * side(1)
     };
-    // The covered share falls with the distance: bisection. A small thing covers less than asked for.
+    // The covered share falls with the distance: bisection. A small thing covers less than asked
+    // for.
     let (mut near, mut far) = (0.0, size[0] + size[1] + bbox.w + bbox.h);
     for _ in 0..24 {
         let middle = (near + far) / 2.0;
@@ -402,7 +408,8 @@ fn covering(bbox: &BBox, size: [f32; 2], rng: &mut Rng) -> Place {
     }
 }
 
-/// A place directly beside a box: left, right, above or below, with a gap of at most a tenth of the box.
+/// A place directly beside a box: left, right, above or below, with a gap of at most a tenth of the
+/// box.
 fn touching(bbox: &BBox, size: [f32; 2], rng: &mut Rng) -> Place {
     let target = bbox.center();
     let box_size = [bbox.w, bbox.h];
@@ -418,7 +425,8 @@ fn touching(bbox: &BBox, size: [f32; 2], rng: &mut Rng) -> Place {
     }
 }
 
-/// Hides 15 to 45 % of the target, from one of its sides on, behind a patch of `background`, its picture as it was taken.
+/// Hides 15 to 45 % of the target, from one of its sides on, behind a patch of `background`, its
+/// picture as it was taken.
 pub fn mask(picture: &mut Picture, background: &Arc<Picture>, bbox: &BBox, rng: &mut Rng) {
     let share = rng.range(0.15, 0.45);
     let (k, low) = (rng.below(2), rng.chance(0.5));
@@ -427,7 +435,8 @@ pub fn mask(picture: &mut Picture, background: &Arc<Picture>, bbox: &BBox, rng: 
     let mut center = [bbox.center().cx, bbox.center().cy];
     let whole = [bbox.w, bbox.h][k];
     center[k] += if low { -1.0 } else { 1.0 } * whole * (1.0 - share) / 2.0;
-    // The patch is cut out beside the target: a whole box and more away, back inside the picture where that is outside.
+    // The patch is cut out beside the target: a whole box and more away, back inside the picture
+    // where that is outside.
     let (sin, cos) = rng.range(0.0, TAU).sin_cos();
     let away = (bbox.w.hypot(bbox.h)) * rng.range(1.0, 1.8);
     let limit = [picture.width as f32, picture.height as f32];
@@ -453,7 +462,8 @@ pub fn mask(picture: &mut Picture, background: &Arc<Picture>, bbox: &BBox, rng: 
     );
 }
 
-/// Darkens the ground beside the target: a slanted copy of its ellipse that begins at its lower edge, spares the target.
+/// Darkens the ground beside the target: a slanted copy of its ellipse that begins at its lower
+/// edge, spares the target.
 pub fn shadow(picture: &mut Picture, bbox: &BBox, rng: &mut Rng) {
     let target = bbox.center();
     let strength = rng.range(0.35, 0.7);
@@ -504,9 +514,11 @@ pub fn occlude(picture: &mut Picture, bbox: &BBox, cutout: &Cutout, rng: &mut Rn
     );
 }
 
-/// Two pictures of one cutout before different backgrounds, or before the same one in another place.
+/// Two pictures of one cutout before different backgrounds, or before the same one in another
+/// place.
 ///
-/// With `bends` the cutout changes its outline and its stretch more between them. `None` if too little of it is in a picture.
+/// With `bends` the cutout changes its outline and its stretch more between them. `None` if too
+/// little of it is in a picture.
 pub fn made_up_pair(
     backgrounds: [&Arc<Picture>; 2],
     cutout: &Cutout,
@@ -587,7 +599,7 @@ mod tests {
     }
 
     #[test]
-    fn the_box_is_tight_around_what_was_pasted() {
+    fn pasted_cutout_has_a_tight_box() {
         let white = plain(255, 40, 30);
         let mut rng = Rng::new(7, 0, 0);
         for i in 0..200 {
@@ -620,7 +632,7 @@ mod tests {
     }
 
     #[test]
-    fn ellipses_and_rectangles_have_their_size() {
+    fn ellipse_and_rectangle_have_their_area() {
         let white = plain(255, 40, 30);
         for outline in [Outline::Rectangle, Outline::Star(vec![1.0])] {
             let cutout = Cutout {
@@ -640,7 +652,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_shows_its_picture_and_turns() {
+    fn ball_shows_its_picture_and_turns() {
         let front = Body {
             turned: [0.0; 2],
             light: [0.0, 0.0, 1.0],
@@ -663,7 +675,7 @@ mod tests {
     }
 
     #[test]
-    fn distractors_spare_the_target() {
+    fn distant_distractors_spare_the_target() {
         let white = plain(255, 60, 60);
         let mut rng = Rng::new(8, 0, 0);
         let bbox = BBox::new(80.0, 60.0, 24.0, 16.0);
@@ -840,7 +852,7 @@ mod tests {
     }
 
     #[test]
-    fn made_up_pairs_lie_within_their_pictures() {
+    fn synthetic_pairs_lie_within_their_pictures() {
         let (a, b) = (plain(40, 300, 200), plain(90, 160, 220));
         let mut rng = Rng::new(9, 0, 0);
         let mut made = 0;

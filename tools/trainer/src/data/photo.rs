@@ -8,10 +8,10 @@ use std::f32::consts::{PI, TAU};
 /// A new value for each value of each channel.
 type Curves = [[u8; 256]; 3];
 
-/// Changes the crops of one pair, `[side, side, 3]` BGR each: the template, the search crop, and the template of the
-/// search picture.
+/// Changes the crops of one pair, `[side, side, 3]` BGR each: the template, the search crop, and
+/// the template of the search picture.
 ///
-/// What a `still` does not show of time's passing is made up for by more changes between its crops.
+/// A `still` gets more changes between its crops, since it shows no change over time.
 pub fn develop(crops: [Vec<u8>; 3], still: bool, augment: &Augment, rng: &mut Rng) -> [Vec<u8>; 3] {
     let shared = rng
         .chance(augment.shared_color)
@@ -57,7 +57,8 @@ pub fn develop(crops: [Vec<u8>; 3], still: bool, augment: &Augment, rng: &mut Rn
     })
 }
 
-/// Random curves: a gamma, a contrast, a brightness, and a gain per channel, each at most that far in its logarithm.
+/// Random curves: a gamma, a contrast, a brightness, and a gain per channel, each at most that far
+/// in its logarithm.
 pub fn curves(rng: &mut Rng, gamma: f32, contrast: f32, channel: f32) -> Curves {
     let (power, slope) = (rng.factor(gamma), rng.factor(contrast));
     let lift = rng.range(-contrast, contrast) * 0.35;
@@ -70,7 +71,7 @@ pub fn curves(rng: &mut Rng, gamma: f32, contrast: f32, channel: f32) -> Curves 
     })
 }
 
-/// Puts every value through its channel's curve.
+/// Maps every value by the curve of its channel.
 pub fn apply(image: &mut [u8], curves: &Curves) {
     for pixel in image.chunks_exact_mut(3) {
         for (value, curve) in pixel.iter_mut().zip(curves) {
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_changes_without_augmentation() {
+    fn crops_without_augmentation_stay() {
         assert_eq!(
             develop(crops(), true, &Augment::none(), &mut Rng::new(0, 0, 0)),
             crops()
@@ -139,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn gray_is_gray_and_half_color_is_half_as_far_from_it() {
+    fn saturation_scales_the_distance_from_gray() {
         let gray = Augment {
             gray: 1.0,
             ..Augment::none()
@@ -153,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn shared_changes_are_shared_and_own_ones_spare_the_template() {
+    fn shared_colors_change_all_crops_and_own_spare_the_template() {
         let same = [vec![40; 27], vec![40; 27], vec![40; 27]];
         let mut rng = Rng::new(2, 0, 0);
         let shared = Augment {
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn light_from_the_right() {
+    fn side_light_brightens_one_side() {
         let mut image = vec![100; 21 * 21 * 3];
         side_light(&mut image, 21, 0.0, 0.5);
         let at = |x: usize| image[(7 * 21 + x) * 3];
@@ -185,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn strong_augmentation_keeps_sizes() {
+    fn strong_augmentation_keeps_the_sizes_of_crops() {
         let mut rng = Rng::new(3, 0, 0);
         for _ in 0..40 {
             for (found, given) in develop(crops(), true, &Augment::strong(), &mut rng)

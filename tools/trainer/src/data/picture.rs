@@ -1,4 +1,4 @@
-//! Decoded pictures, and the files they come from kept in memory within a bound.
+//! Decoded pictures, and an album that caches them in memory within a bound.
 
 use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ impl Picture {
     /// Reads a picture file.
     ///
     /// # Errors
-    /// Says why the file is not a picture; the path is not in the text.
+    /// If the file is not a readable picture; the text does not name the path.
     pub fn read(path: &Path) -> Result<Picture, String> {
         let mut source = Source::open(&Input::new(path)).map_err(|error| error.to_string())?;
         let image = source
@@ -74,7 +74,7 @@ impl Picture {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PictureId(pub(super) u32);
 
-/// Picture files by number, decoded when first wanted and kept until newer ones need the room.
+/// Picture files by number, decoded on first use and cached; the oldest are evicted first.
 #[derive(Debug)]
 pub struct Album {
     paths: Vec<PathBuf>,
@@ -128,7 +128,8 @@ impl Album {
         &self.paths[id.0 as usize]
     }
 
-    /// The picture, decoded now or earlier; `None` if its file is not a readable picture, which is said once.
+    /// The picture, decoded or from the cache; `None` if the file is not a readable picture, which
+    /// is reported once.
     pub fn get(&self, id: PictureId) -> Option<Arc<Picture>> {
         {
             let kept = self.lock();
@@ -151,7 +152,7 @@ impl Album {
         }
     }
 
-    /// How many files turned out not to be readable so far.
+    /// Number of files that could not be read so far.
     pub fn unreadable(&self) -> usize {
         self.lock().unreadable.len()
     }
@@ -188,7 +189,7 @@ mod tests {
     use crate::testing::Folder;
 
     #[test]
-    fn keeps_no_more_than_the_bound_and_names_what_it_cannot_read() {
+    fn album_stays_within_its_bound_and_reports_bad_files() {
         let folder = Folder::new("album");
         let mut album = Album::new(2 * 3 * 16);
         let ids: Vec<_> = (0..5u8)

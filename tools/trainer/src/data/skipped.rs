@@ -1,4 +1,4 @@
-//! What could not be used, by name: nothing is left out in silence.
+//! Notes on skipped data, so that nothing is left out silently.
 
 use crate::error::brief;
 use std::fmt;
@@ -11,7 +11,7 @@ pub struct Skipped {
 }
 
 impl Skipped {
-    /// How many are put into words.
+    /// Number of notes that are printed.
     const SHOWN: usize = 20;
 
     /// Something at `place` was skipped.

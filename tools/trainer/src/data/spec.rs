@@ -1,4 +1,4 @@
-//! What the user says to train on: `--data WHAT[:SHARE]`.
+//! The option `--data WHAT[:SHARE]`.
 
 use crate::error::Error;
 use std::path::PathBuf;
@@ -50,7 +50,8 @@ impl FromStr for DataSpec {
             Some(("patches", path)) => What::Patches(path.into()),
             Some(("paste", path)) => What::Paste(path.into()),
             _ if what.is_empty() => {
-                let expected = "a CSV or JSON file, a folder, scenes, patches:PATH or paste:PATH, each with :SHARE";
+                let expected = "a CSV or JSON file, a folder, scenes, patches:PATH or paste:PATH, \
+                                each with :SHARE";
                 return Err(Error::option("--data", expected, text));
             }
             _ => What::Annotated(what.into()),
@@ -60,7 +61,7 @@ impl FromStr for DataSpec {
 }
 
 impl std::fmt::Display for DataSpec {
-    /// As the user would write it.
+    /// The text that parses to this value.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.what {
             What::Annotated(path) => write!(f, "{}", path.display())?,
@@ -77,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_what_it_writes() {
+    fn printed_spec_parses_to_itself() {
         for (text, what, share) in [
             (
                 "a/index.csv:0.4",

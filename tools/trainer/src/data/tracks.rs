@@ -1,4 +1,4 @@
-//! Targets and the frames they were annotated in: what real data come down to, whatever files they lie in.
+//! Targets and their annotated frames: the common form of all real data.
 
 use super::pairs::{PairRules, share_is_usable};
 use super::picture::{Album, PictureId};
@@ -36,8 +36,8 @@ pub struct Target {
     track: usize,
 }
 
-/// Tracks in groups. A group counts as the square root of its frames and a track within it likewise, so that neither one
-/// long video nor a thousand near-equal stills crowd out the rest.
+/// Tracks in groups. A group is drawn in proportion to the square root of its frames, and so is a
+/// track within it. Otherwise one long video or a thousand similar stills would crowd out the rest.
 #[derive(Clone, Debug, Default)]
 pub struct Tracks {
     groups: Vec<Group>,
@@ -72,7 +72,8 @@ impl Tracks {
         }
     }
 
-    /// The rows of an annotation file, those of one track together; rows that the rules refuse are skipped.
+    /// The rows of an annotation file, those of one track together; rows that the rules refuse are
+    /// skipped.
     pub fn from_rows(
         rows: Vec<Row>,
         album: &mut Album,
@@ -110,9 +111,11 @@ impl Tracks {
         Tracks::new(groups, rules)
     }
 
-    /// One track per sequence, grouped by data set; frames without a box, or with one that the rules refuse, are left out.
+    /// One track per sequence, grouped by data set; frames without a box, or with one that the
+    /// rules refuse, are left out.
     ///
-    /// Boxes of less than 0.1 % or more than 60 % of the frame are refused too, but for rules that are `compat`.
+    /// Boxes of less than 0.1 % or more than 60 % of the frame are refused too, but for rules that
+    /// are `compat`.
     pub fn from_sequences(
         sequences: Vec<Sequence>,
         album: &mut Album,
@@ -198,7 +201,7 @@ impl Tracks {
         }
     }
 
-    /// Another track of the same group; mostly `None` where one track is almost all of it.
+    /// Another track of the same group; `None` if the drawn one is `target` itself.
     pub fn draw_kin(&self, target: Target, rng: &mut Rng) -> Option<&Track> {
         let kin = self.draw_of(target.group, rng);
         (kin != target).then(|| self.track(kin))
@@ -229,7 +232,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn groups_count_as_square_roots() {
+    fn groups_are_drawn_by_the_root_of_their_frames() {
         let mut album = Album::new(0);
         let mut rows = Vec::new();
         let add = |rows: &mut Vec<Row>, group: &str, track: Option<&str>, frame| {

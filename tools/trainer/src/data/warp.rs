@@ -1,7 +1,8 @@
-//! Sampling a picture on an affine grid: `out[j, i] = bilinear(picture, origin + i across + j down)`.
+//! Sampling a picture on an affine grid:
+//! `out[j, i] = bilinear(picture, origin + i across + j down)`.
 //!
-//! `u8 [h, w, 3]` RGB -> `u8 [side, side, 3]` BGR; each tap outside the picture is replaced by its border color. On an
-//! upright square grid the result is that of the tracker's own cropper.
+//! `u8 [h, w, 3]` RGB -> `u8 [side, side, 3]` BGR; each tap outside the picture is replaced by its
+//! border color. On an upright square grid the result is that of the tracker's own cropper.
 
 use super::picture::Picture;
 
@@ -31,8 +32,8 @@ impl Grid {
 /// Samples `picture` on `grid`.
 ///
 /// Pseudo-code: for each row, find the run of pixels whose four taps lie inside; gather its taps by
-/// channel and corner; blend each channel as one vector loop; treat the pixels beside the run one by
-/// one. A slanted line meets the picture in one run, since pictures are convex.
+/// channel and corner; blend each channel as one vector loop; treat the pixels beside the run one
+/// by one. A slanted line meets the picture in one run, since pictures are convex.
 pub fn warp(picture: &Picture, grid: &Grid) -> Vec<u8> {
     let side = grid.side;
     let mut out = vec![0; side * side * 3];
@@ -71,7 +72,8 @@ pub fn warp(picture: &Picture, grid: &Grid) -> Vec<u8> {
     out
 }
 
-/// Taps of a run of output pixels, a list for each channel and corner, and where the pixels lie between them.
+/// Taps of a run of output pixels, a list for each channel and corner, and where the pixels lie
+/// between them.
 struct Run {
     taps: [[Vec<u8>; 4]; 3],
     x: Vec<f32>,
@@ -156,7 +158,8 @@ fn edge(picture: &Picture, x: f64, y: f64, out: &mut [u8]) {
 /// Added to a number from 0 to 255, it leaves the rounded value in the low bits: 2^23.
 const ROUNDING: f32 = 8_388_608.0;
 
-/// Bilinear blend of `[top left, top right, bottom left, bottom right]`, rounded to the nearest byte.
+/// Bilinear blend of `[top left, top right, bottom left, bottom right]`, rounded to the nearest
+/// byte.
 #[inline(always)]
 pub(super) fn blend(taps: [u8; 4], x: f32, y: f32) -> u8 {
     let [a, b, c, d] = taps.map(f32::from);
@@ -184,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn upright_grids_give_the_trackers_crop() {
+    fn upright_grid_gives_the_trackers_crop() {
         let picture = noise(90, 70);
         for (cx, cy, w, h, side) in [
             (40.3, 35.1, 20.0, 14.0, 127),
@@ -215,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn slanted_grids_give_the_same_inside_and_at_the_edge() {
+    fn slanted_grid_equals_sampling_pixel_by_pixel() {
         let picture = noise(61, 47);
         let mut rng = Rng::new(6, 0, 0);
         for _ in 0..40 {
@@ -241,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_and_mirrors() {
+    fn quarter_turn_and_mirror_move_whole_pixels() {
         let picture = noise(9, 9);
         let pixel = |x: usize, y: usize| {
             let p = &picture.data[(y * 9 + x) * 3..][..3];

@@ -1,4 +1,4 @@
-//! From samples to what the network sees.
+//! From samples to tensors.
 
 use crate::data::Sample;
 use crate::network::{Batch, INPUT};

@@ -1,4 +1,5 @@
-//! A training run on disk: one safetensors file with parameters, optimizer state, averages, and the position in the data.
+//! A training run on disk: one safetensors file with parameters, optimizer state, averages, and the
+//! position in the data.
 
 use super::options::FitOptions;
 use crate::data::DataOptions;
@@ -11,7 +12,7 @@ use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::Path;
 
-/// Where a run stands, beside its tensors.
+/// Progress and options of a run, without its tensors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Position {
@@ -23,7 +24,7 @@ pub struct Position {
     pub data: Vec<String>,
     /// How pairs are made of them.
     pub data_options: DataOptions,
-    /// Steps done; the next batch has this number.
+    /// Steps done; also the number of the next batch.
     pub step: u64,
     /// Seconds of training.
     pub seconds: f64,
@@ -31,7 +32,7 @@ pub struct Position {
     pub finished: bool,
     /// The best validation so far and its step.
     pub best: Option<(f64, u64)>,
-    /// What was done to the parameters before this run: a sentence each.
+    /// What was done to the parameters before this run, one sentence per run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub history: Vec<String>,
 }
@@ -41,9 +42,9 @@ pub struct Position {
 pub struct State {
     /// Every parameter and statistic.
     pub parameters: Vec<(String, Tensor)>,
-    /// What the optimizer remembers.
+    /// State of the optimizer.
     pub optimizer: Vec<(String, Tensor)>,
-    /// Running averages of parameters, where the run keeps them.
+    /// Running averages of the parameters, if the run keeps them.
     pub averages: Vec<(String, Tensor)>,
 }
 
@@ -70,7 +71,8 @@ impl Position {
     }
 }
 
-/// Writes a checkpoint: beside its place first, then renamed, so that no half of one is ever there.
+/// Writes a checkpoint under a temporary name and renames it, so that an interruption leaves no
+/// half file.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -97,7 +99,7 @@ pub fn save(path: &Path, position: &Position, state: &State) -> Result<(), Error
     write_atomically(path, &bytes)
 }
 
-/// Writes a file beside its place, then renames it.
+/// Writes a file under a temporary name beside `path`, then renames it.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -128,7 +130,7 @@ pub enum Form {
     Weights,
 }
 
-/// Which kind of file this is.
+/// Detects the kind of a file.
 ///
 /// # Errors
 /// If it cannot be read or is none of them.
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn comes_back_bit_by_bit() {
+    fn saved_checkpoint_loads_with_the_same_bits() {
         let folder = Folder::new("checkpoint");
         let path = folder.path().join("c.safetensors");
         let (position, state) = example();
@@ -266,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn other_files_are_refused() {
+    fn files_that_are_no_checkpoint_are_refused() {
         let folder = Folder::new("checkpoint");
         let path = folder.path().join("c.safetensors");
         let (position, state) = example();

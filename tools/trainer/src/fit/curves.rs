@@ -60,11 +60,14 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn draws_what_the_log_says() {
+    fn log_with_losses_and_validation_is_drawn() {
         let log = [
             json!({"step": 10, "losses": {"total": 4.0, "cls": 1.0}}),
             json!({"step": 20, "losses": {"total": 2.0, "cls": null}}),
-            json!({"step": 20, "validation": {"clean": {"precision": 80.0, "auc": 50.0}, "real": null}}),
+            json!({
+                "step": 20,
+                "validation": {"clean": {"precision": 80.0, "auc": 50.0}, "real": null},
+            }),
         ];
         let svg = svg(&log);
         assert_eq!(svg.matches("<polyline").count(), 4); // total, cls, clean precision and AUC

@@ -1,4 +1,4 @@
-//! The deployed network as weights, with where they come from.
+//! Export of the deployed network with its provenance.
 
 use super::{Fit, Position};
 use crate::data::spec::DataSpec;
@@ -8,8 +8,8 @@ use program::printable;
 use weights_format::{Provenance, Storage, Weights};
 
 impl Fit {
-    /// The deployed network as weights, with where they come from: data and their shares, steps, pairs, hours, seed,
-    /// commit, options, what came before this run, and `figures` of validation.
+    /// Exports the deployed network with its provenance: data and their shares, steps, pairs,
+    /// hours, seed, commit, options, history, and `figures` of validation.
     ///
     /// # Errors
     /// If a value does not fit the storage or is not finite.
@@ -63,7 +63,7 @@ impl Fit {
     }
 }
 
-/// The source's commit, where it lies in a repository.
+/// Commit of the source, if that lies in a repository.
 fn commit() -> String {
     let git = std::process::Command::new("git")
         .args([

@@ -31,10 +31,10 @@ use std::sync::Arc;
 use std::time::Instant;
 use weights_format::Storage;
 
-/// How a run behaves, without any bearing on what comes out.
+/// Options of a run that do not change its result.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// Where checkpoints, log and curves go.
+    /// Folder of checkpoints, log and curves.
     pub out: PathBuf,
     /// Threads that compute.
     pub threads: usize,
@@ -44,9 +44,9 @@ pub struct RunOptions {
     pub checkpoint_minutes: f64,
     /// Minutes of training between validations.
     pub validate_minutes: f64,
-    /// What is tracked to see how good the weights are.
+    /// Clips on which the weights are judged.
     pub validation: Validation,
-    /// Stop after that many more steps, as if interrupted.
+    /// Number of further steps after which the run stops as if interrupted.
     pub stop_after: Option<u64>,
 }
 
@@ -66,10 +66,10 @@ const AHEAD: usize = 6;
 /// Steps between two entries of the log.
 const LOG_STEPS: u64 = 25;
 
-/// Batches for the estimation of statistics are far behind all that are trained on.
+/// First batch for the estimation of statistics, far beyond all training batches.
 const ESTIMATION: u64 = 1 << 40;
 
-/// Batches from which the statistics of normalizations that were folded away are estimated.
+/// Batches from which the statistics of folded normalizations are estimated.
 const UNFOLDING_BATCHES: usize = 8;
 
 impl Fit {
@@ -90,11 +90,12 @@ impl Fit {
         Ok(fit)
     }
 
-    /// Running averages, where the run keeps them, begin at the present values.
+    /// Starts the running averages at the present values, if the run keeps any.
     fn begin_averages(&mut self) {
-        self.averages = match self.position.options.average > 0.0 {
-            true => self.parameters.iter().map(|p| p.value.clone()).collect(),
-            false => Vec::new(),
+        self.averages = if self.position.options.average > 0.0 {
+            self.parameters.iter().map(|p| p.value.clone()).collect()
+        } else {
+            Vec::new()
         };
     }
 
@@ -136,7 +137,7 @@ impl Fit {
         checkpoint::save(path, &self.position, &state)
     }
 
-    /// Where the run stands.
+    /// Progress of the run.
     pub fn position(&self) -> &Position {
         &self.position
     }
@@ -164,10 +165,9 @@ impl Fit {
         }
     }
 
-    /// Trains to the end of the budget: batches, steps, and from time to time a line of the log, a validation and a
-    /// checkpoint; then the last touches.
+    /// Trains to the end of the budget. Writes the log, validates and saves checkpoints on the way.
     ///
-    /// The accuracy of what came out, if the run got that far and validates.
+    /// Returns the final accuracy, if the run reaches its end and validates.
     ///
     /// # Errors
     /// If the data cannot be opened, a file cannot be written, or a loss is not finite.
@@ -233,8 +233,9 @@ impl Fit {
         self.finish(&compute, dataset, run, &mut reporter)
     }
 
-    /// Gives normalizations that are folded away the data's statistics, so that the network can be trained; what it
-    /// computes stays the same but for rounding. Nothing happens to other networks.
+    /// Restores batch normalizations that were folded into weights, with the statistics of the
+    /// data, so that the network can be trained. Outputs change by rounding only. A no-op for other
+    /// networks.
     pub fn unfold(&mut self, compute: &Compute, dataset: &Arc<Dataset>, data_threads: usize) {
         if !std::mem::take(&mut self.folded) {
             return;
@@ -260,7 +261,8 @@ impl Fit {
         self.position.options.search_size(progress)
     }
 
-    /// One step: forward, backward, clip, move. The losses, the gradient's norm, and the learning rate.
+    /// Runs one step: forward, backward, clip, update. Returns the losses, the norm of the gradient
+    /// and the learning rate.
     fn step(
         &mut self,
         compute: &Compute,
@@ -321,7 +323,7 @@ impl Fit {
         }
     }
 
-    /// Tracks with the present weights, and keeps them if they are the best so far.
+    /// Validates the present weights, and saves them if they are the best so far.
     fn validate(&mut self, run: &RunOptions, reporter: &mut Reporter) -> Result<Report, Error> {
         let report = run
             .validation
@@ -346,8 +348,9 @@ impl Fit {
         Ok(report)
     }
 
-    /// Takes the averages if there are any, estimates batch statistics anew, keeps that if it is no worse, and writes
-    /// `final.safetensors` (a checkpoint) and `weights.safetensors`.
+    /// Ends the run: deploys the averages if there are any, re-estimates batch statistics, keeps
+    /// those if they are no worse, and writes `final.safetensors` (a checkpoint) and
+    /// `weights.safetensors`.
     fn finish(
         &mut self,
         compute: &Compute,
@@ -418,7 +421,7 @@ impl Fit {
         }
     }
 
-    /// Parameters as they are deployed: the averages, where the run keeps them.
+    /// The deployed parameters: the averages if the run keeps any.
     pub fn deployed(&self) -> Parameters {
         let mut parameters = self.parameters.clone();
         for (parameter, average) in parameters.iter_mut().zip(&self.averages) {
@@ -458,7 +461,7 @@ fn entry(standing: &Standing, rate: f32, norm: f32, waited: f64) -> serde_json::
     })
 }
 
-/// Losses and times as they were lately.
+/// Smoothed losses and times.
 #[derive(Default)]
 struct Smooth {
     count: u64,
@@ -477,7 +480,7 @@ impl Smooth {
     }
 }
 
-/// When things are due that happen now and then.
+/// Timers of checkpoint and validation.
 struct Watch {
     checkpoint: Timer,
     validate: Timer,
@@ -495,7 +498,7 @@ impl Watch {
 }
 
 impl Timer {
-    /// Whether `minutes` have passed since it last was.
+    /// Whether `minutes` have passed since it was last due.
     fn due(&mut self, seconds: f64, minutes: f64) -> bool {
         let due = seconds - self.0 >= 60.0 * minutes;
         if due {

@@ -1,4 +1,4 @@
-//! Ways into a run from files: a checkpoint of one, or any other form of a network.
+//! Opens runs and networks from files.
 
 use super::{DataOptions, Fit, FitOptions, Position, checkpoint};
 use crate::error::Error;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use weights_format::{Architecture, Unfolded, Weights};
 
 impl Fit {
-    /// A run as a checkpoint left it.
+    /// Resumes the run of a checkpoint.
     ///
     /// # Errors
     /// If the file is not a checkpoint, or does not have every tensor of its network.
@@ -47,11 +47,11 @@ impl Fit {
         Ok(fit)
     }
 
-    /// A network to begin with, as it is deployed, out of any file that holds one: a checkpoint of a run, parameters that
-    /// `convert --to trainer` wrote, or a weights file.
+    /// Opens the deployed network of any file that holds one: a checkpoint, parameters from
+    /// `convert --to trainer`, or a weights file.
     ///
     /// # Errors
-    /// If the file is none of these, or not whole.
+    /// If the file is none of these, or is incomplete.
     pub fn open(path: &Path) -> Result<Fit, Error> {
         match checkpoint::form(path)? {
             checkpoint::Form::Checkpoint => {
@@ -83,14 +83,14 @@ impl Fit {
         }
     }
 
-    /// The mean of several networks of one shape, as they are deployed: a run that has not begun, of the first one's options
-    /// and data.
+    /// Averages the deployed parameters of several networks of one shape. The result is a fresh run
+    /// with the options and data of the first one.
     ///
-    /// Where one run begins with what another ended with, the mean of both ends is often better than either (Wortsman et
-    /// al., "Model soups", ICML 2022).
+    /// If one run starts from the end of another one, the mean of both ends is often better than
+    /// either (Wortsman et al., "Model soups", ICML 2022).
     ///
     /// # Errors
-    /// If a file holds no network, or one of another shape than the first one's.
+    /// If a file holds no network, or a network whose shape differs from the first one's.
     pub fn mean(first: &Path, others: &[PathBuf]) -> Result<Fit, Error> {
         let mut mean = Fit::open(first)?;
         let mut history = vec![format!("the mean of {} networks", 1 + others.len())];
@@ -153,7 +153,7 @@ impl Fit {
         Fit::start(options, Vec::new(), DataOptions::default())
     }
 
-    /// A run that has not begun, with given parameters.
+    /// A fresh run with given parameters.
     ///
     /// # Errors
     /// If an option is out of range, or the parameters are not those of the network.
@@ -178,13 +178,14 @@ impl Fit {
         Ok(fit)
     }
 
-    /// Says what a run that has not begun trains on.
+    /// Sets the data of a fresh run.
     pub fn train_on(&mut self, data: Vec<String>, data_options: DataOptions) {
         self.position.data = data;
         self.position.data_options = data_options;
     }
 
-    /// Takes over another network's parameters that have the same name and shape; the names of those that have not.
+    /// Copies the parameters of another network that match in name and shape. Returns the names of
+    /// the others.
     pub fn take_over(&mut self, other: &Fit) -> Vec<String> {
         let mut fresh = Vec::new();
         let names: Vec<_> = self
@@ -207,7 +208,7 @@ impl Fit {
         fresh
     }
 
-    /// What was done to the parameters so far, this run included: a sentence each.
+    /// What was done to the parameters so far, this run included, one sentence per run.
     pub fn history(&self) -> Vec<String> {
         let Position {
             options,
@@ -289,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_weights_file_is_unfolded_without_a_change() {
+    fn unfolded_weights_file_computes_the_same() {
         let folder = Folder::new("open");
         let path = folder.path().join("weights.safetensors");
         let dataset = Dataset::open(
@@ -334,7 +335,8 @@ mod tests {
         opened.unfold(&compute, &dataset, 1);
         assert_close(&outputs(&opened, &dataset), &expected);
         assert_ne!(scale(&opened), identity);
-        // With the data's statistics, training mode sees what evaluation mode does, roughly: a batch is small.
+        // With the data's statistics, training mode sees what evaluation mode does, roughly: a
+        // batch is small.
         let before = opened.parameters().clone();
         opened.unfold(&compute, &dataset, 1);
         assert!(
@@ -345,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_lies_between_and_only_of_one_shape() {
+    fn mean_of_two_networks_needs_one_shape() {
         let folder = Folder::new("mean");
         let path = |name: &str| folder.path().join(name);
         let (mut fit, mut expected) = (tiny(), tiny());
@@ -383,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn every_form_of_a_network_is_opened() {
+    fn every_form_of_a_network_opens() {
         let folder = Folder::new("open");
         let fit = tiny();
         let [checkpoint, unfolded, other] = ["a", "b", "c"].map(|name| folder.path().join(name));

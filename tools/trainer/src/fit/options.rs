@@ -11,14 +11,14 @@ use weights_format::{Architecture, Encoder, Widths};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Budget {
-    /// That many steps.
+    /// Number of steps.
     Steps(u64),
-    /// That many minutes of steps; validation and saving do not count. A resumed run then has the same length but, time being
-    /// what it is, not the same bits.
+    /// Minutes of steps, without validation and saving. A resumed run has the same length but not
+    /// the same bits, since speed varies.
     Minutes(f64),
 }
 
-/// What moves the parameters.
+/// Optimizer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OptimizerKind {
@@ -36,11 +36,11 @@ pub struct FitOptions {
     pub architecture: Architecture,
     /// Networks of the mutual-information loss.
     pub statistics_nets: StatisticsNets,
-    /// First values.
+    /// Initialization of the parameters.
     pub init: Init,
     /// Weights of the losses.
     pub losses: LossOptions,
-    /// What moves the parameters.
+    /// Optimizer.
     #[serde(alias = "optimiser")]
     pub optimizer: OptimizerKind,
     /// Highest learning rate.
@@ -53,7 +53,8 @@ pub struct FitOptions {
     pub decay: f32,
     /// Factor on the backbone's learning rate.
     pub backbone_rate: f32,
-    /// Whether backbone convolutions are frozen and thawed one by one (docs/method.md, section 3.5).
+    /// Whether backbone convolutions are frozen and thawed one by one (docs/method.md, section
+    /// 3.5).
     pub freeze: bool,
     /// Largest norm of the gradient; larger ones are scaled down. 0 for no limit.
     pub clip: f32,
@@ -65,16 +66,17 @@ pub struct FitOptions {
     pub early_size: usize,
     /// Share of the run that is its first part.
     pub early_share: f64,
-    /// Share of the old in the running average of the weights; 0 for no average.
+    /// Decay of the running average of the weights; 0 for no average.
     pub average: f32,
-    /// Batches from which batch statistics are estimated anew at the end; 0 to keep the running ones.
+    /// Batches from which batch statistics are re-estimated at the end; 0 keeps the running ones.
     pub estimation_batches: usize,
-    /// Decides first values.
+    /// Seed of the initialization.
     pub seed: u64,
 }
 
 impl FitOptions {
-    /// For hours on a few cores, from nothing: AdamW, everything trains, small search crops first.
+    /// Preset for hours on a few cores from random weights: AdamW, no freezing, small search crops
+    /// first.
     pub fn cpu() -> FitOptions {
         FitOptions {
             architecture: standard(0.5),
@@ -99,7 +101,8 @@ impl FitOptions {
         }
     }
 
-    /// The reference implementation's schedule (docs/method.md, section 3.5): for a backbone that was trained before.
+    /// The reference implementation's schedule (docs/method.md, section 3.5): for a pretrained
+    /// backbone.
     pub fn paper() -> FitOptions {
         FitOptions {
             statistics_nets: StatisticsNets::Full,
@@ -125,7 +128,7 @@ impl FitOptions {
         }
     }
 
-    /// Checks what is not checked elsewhere.
+    /// Checks the options.
     ///
     /// # Errors
     /// Names the first option that is out of range.
@@ -160,7 +163,7 @@ impl FitOptions {
         }
     }
 
-    /// Learning rate when that share of the run is done.
+    /// Learning rate at a progress from 0 to 1.
     pub fn rate(&self, progress: f64) -> f32 {
         const FINE: f64 = 1e9; // the schedule counts whole steps; these are fine enough for any run
         let fine = |share: f64| (share.clamp(0.0, 1.0) * FINE) as usize;
@@ -179,7 +182,7 @@ impl FitOptions {
         schedule.rate(fine(progress))
     }
 
-    /// Side of the search crops when that share of the run is done.
+    /// Side of the search crops at a progress from 0 to 1.
     pub fn search_size(&self, progress: f64) -> usize {
         if progress < self.early_share {
             self.early_size
@@ -196,7 +199,7 @@ impl FitOptions {
         }
     }
 
-    /// Sets every parameter's rate, decay, and whether it is frozen when that share of the run is done.
+    /// Sets rate, decay and freezing of every parameter at a progress from 0 to 1.
     pub fn group(&self, parameters: &mut Parameters, progress: f64) {
         let epoch = (progress * 20.0) as usize;
         for parameter in parameters.iter_mut() {
@@ -232,7 +235,7 @@ mod tests {
     use crate::network::Network;
 
     #[test]
-    fn rates_of_the_spec() {
+    fn schedules_have_the_rates_of_the_method() {
         let paper = FitOptions::paper();
         // Steps 6250, 12500, 62500 + 12500 .. of 250000 (docs/method.md, section 3.5).
         for (step, rate) in [
@@ -253,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn search_crops_grow() {
+    fn early_share_of_the_run_has_small_search_crops() {
         let cpu = FitOptions::cpu();
         assert_eq!(
             [0.0, 0.49, 0.5, 1.0].map(|p| cpu.search_size(p)),
@@ -263,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn groups() {
+    fn parameter_groups_have_their_rates_and_decays() {
         let names =
             |options: &FitOptions, progress: f64, select: &dyn Fn(&autodiff::Parameter) -> bool| {
                 let mut parameters = Parameters::new();
@@ -312,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_cannot_run() {
+    fn options_out_of_range_are_refused() {
         FitOptions::cpu().check().unwrap();
         FitOptions::paper().check().unwrap();
         let with = |change: &dyn Fn(&mut FitOptions)| {

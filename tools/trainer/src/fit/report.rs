@@ -1,4 +1,4 @@
-//! What a run tells: a bar on a terminal or a line a minute, a JSONL log, and curves.
+//! Progress of a run: a bar on a terminal or a line per minute, a JSONL log, and curves.
 
 use super::checkpoint::write_atomically;
 use super::curves;
@@ -11,7 +11,7 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Everything about a run's progress.
+/// Writes a run's progress.
 #[derive(Debug)]
 pub struct Reporter {
     log: Vec<Value>,
@@ -22,7 +22,7 @@ pub struct Reporter {
     last_line: Instant,
 }
 
-/// Where a run stands.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standing {
     /// Steps done.
@@ -31,7 +31,7 @@ pub struct Standing {
     pub pairs: u64,
     /// Share of the run that is done.
     pub progress: f64,
-    /// Seconds of training, and seconds still to go.
+    /// Seconds of training.
     pub seconds: f64,
     /// Pairs per second lately.
     pub speed: f64,
@@ -45,7 +45,7 @@ impl Reporter {
     /// Fine steps of the bar.
     const FINE: f64 = 10_000.0;
 
-    /// Goes on with the log in `folder` behind `step`, or begins one.
+    /// Continues the log in `folder` after `step`, or starts one.
     ///
     /// # Errors
     /// If the log cannot be read or written.
@@ -56,7 +56,7 @@ impl Reporter {
         } else {
             String::new()
         };
-        // Behind a checkpoint, an interrupted run may have gone on for a while.
+        // An interrupted run may have logged steps after its last checkpoint.
         let of_run = |entry: &Value| {
             entry
                 .get("step")
@@ -105,7 +105,7 @@ impl Reporter {
         Ok(())
     }
 
-    /// Says something that stays.
+    /// Prints a line that stays on the terminal.
     pub fn say(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.suspend(|| eprintln!("{text}")),
@@ -113,7 +113,7 @@ impl Reporter {
         }
     }
 
-    /// Shows where the run stands: at once on a terminal, otherwise once a minute.
+    /// Shows the progress: at once on a terminal, otherwise once a minute.
     pub fn show(&mut self, standing: &Standing) {
         let text = standing.to_string();
         match &self.bar {

@@ -1,4 +1,5 @@
-//! Batch statistics from many batches: a plain mean in place of the running one, or those that folding took away.
+//! Batch statistics from many batches: a plain mean in place of the running one, or statistics for
+//! folded normalizations.
 
 use super::batch::batch;
 use crate::data::feed::Feed;
@@ -9,9 +10,11 @@ use std::collections::BTreeMap;
 /// Share of the batch in running statistics (docs/method.md, section 1.1).
 const MOMENTUM: f32 = 0.1;
 
-/// Replaces the running statistics by their means over `count` batches of the feed. No parameter changes.
+/// Replaces the running statistics by their means over `count` batches of the feed. No parameter
+/// changes.
 ///
-/// Where template and search branch share a normalization, both count alike, as they do in training.
+/// Where template and search branch share a normalization, both count alike, as they do in
+/// training.
 pub fn estimate(
     compute: &Compute,
     network: &Network,
@@ -23,7 +26,8 @@ pub fn estimate(
         return;
     }
     let frozen: Vec<bool> = parameters.iter().map(|p| p.frozen).collect();
-    parameters.iter_mut().for_each(|p| p.frozen = true); // no gradients, so nothing is recorded for them
+    // Without gradients the tape records nothing for them.
+    parameters.iter_mut().for_each(|p| p.frozen = true);
     let kept: Vec<_> = parameters
         .iter()
         .map(|p| p.is_statistic().then(|| p.value.clone()))
@@ -57,7 +61,8 @@ pub fn estimate(
             }
         }
     }
-    // An update from 0 leaves the momentum's share of the batch's value; a second one adds its own to 0.9 of that.
+    // An update from 0 leaves the momentum's share of the batch's value; a second one adds its own
+    // to 0.9 of that.
     let layers = network.architecture().layers();
     for ((parameter, sum), kept) in parameters.iter_mut().zip(&sums).zip(kept) {
         let Some(kept) = kept else { continue };
@@ -87,8 +92,8 @@ pub fn estimate(
 /// Added to the variance (docs/method.md, section 1.1).
 const EPSILON: f64 = 1e-5;
 
-/// Sets every normalization, which changes nothing as it is, to the mean and variance of `count` batches of the feed, and
-/// its scale and shift such that it still changes nothing.
+/// Sets every normalization to the mean and variance of `count` batches of the feed, and its scale
+/// and shift such that its output stays the same. Expects normalizations that are the identity.
 pub fn unfold(
     compute: &Compute,
     network: &Network,
@@ -98,7 +103,8 @@ pub fn unfold(
 ) {
     let frozen: Vec<bool> = parameters.iter().map(|p| p.frozen).collect();
     parameters.iter_mut().for_each(|p| p.frozen = true);
-    let mut moments: BTreeMap<String, Vec<[f64; 3]>> = BTreeMap::new(); // count, sum, sum of squares per channel
+    // Count, sum and sum of squares per channel.
+    let mut moments: BTreeMap<String, Vec<[f64; 3]>> = BTreeMap::new();
     for _ in 0..count {
         let batch = batch(
             &feed.next(|_| network.architecture().search_size),

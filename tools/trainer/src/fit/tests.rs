@@ -42,7 +42,7 @@ fn run_options(folder: &Folder, name: &str) -> RunOptions {
 }
 
 #[test]
-fn an_interrupted_run_ends_in_the_same_bits() {
+fn interrupted_run_ends_in_the_same_bits() {
     let folder = Folder::new("fit");
     for optimizer in [OptimizerKind::AdamW, OptimizerKind::Sgd] {
         let options = FitOptions {
@@ -92,7 +92,7 @@ fn an_interrupted_run_ends_in_the_same_bits() {
 }
 
 #[test]
-fn a_tiny_network_learns_a_few_pairs_by_heart() {
+fn tiny_network_overfits_a_few_pairs() {
     let folder = Folder::new("fit");
     let options = FitOptions {
         batch: 6,
@@ -140,7 +140,7 @@ fn a_tiny_network_learns_a_few_pairs_by_heart() {
 }
 
 #[test]
-fn losses_that_are_not_finite_stop_the_run() {
+fn loss_that_is_not_finite_stops_the_run() {
     let folder = Folder::new("fit");
     let mut fit = Fit::start(tiny(), vec![pictures(&folder)], DataOptions::default()).unwrap();
     fit.parameters.iter_mut().next().unwrap().value.data_mut()[0] = f32::NAN;
@@ -155,7 +155,7 @@ fn losses_that_are_not_finite_stop_the_run() {
 }
 
 #[test]
-fn parameters_move_from_one_network_to_another_as_far_as_they_fit() {
+fn take_over_copies_parameters_that_fit() {
     let folder = Folder::new("fit");
     let data = vec!["scenes".to_owned()];
     let small = Fit::start(tiny(), data.clone(), DataOptions::default()).unwrap();
@@ -177,7 +177,7 @@ fn parameters_move_from_one_network_to_another_as_far_as_they_fit() {
 }
 
 #[test]
-fn estimated_statistics_are_those_of_the_data() {
+fn estimated_statistics_equal_those_of_the_data() {
     let folder = Folder::new("fit");
     let mut fit = Fit::start(tiny(), vec![pictures(&folder)], DataOptions::default()).unwrap();
     let compute = compute(2).unwrap();

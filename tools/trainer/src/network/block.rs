@@ -1,4 +1,4 @@
-//! The network's building blocks: a convolution with what follows it, and a statistics network.
+//! Building blocks of the network: convolution block and statistics network.
 
 use autodiff::{Conv2d, ParameterId, Parameters, RunningStatistics, Tape, Tensor, Var};
 use weights_format::Layer;
@@ -50,8 +50,8 @@ impl Block {
         }
     }
 
-    /// Maps `[batch, H, W, Cin]` to maps `[batch, H', W', Cout]`: behind the convolution alone, and behind all of it. Without
-    /// a normalization between them, both are the same.
+    /// Maps `[batch, H, W, Cin]` to maps `[batch, H', W', Cout]`: the outputs of the convolution
+    /// alone and of the whole block. Without normalization and ReLU, both are the same.
     pub fn forward(&self, tape: &mut Tape, x: Var) -> (Var, Var) {
         let (weight, bias) = (tape.parameter(self.weight), tape.parameter(self.bias));
         let Some(Norm {
@@ -80,7 +80,8 @@ impl Block {
     }
 }
 
-/// A statistics network of the mutual-information estimate: three linear layers with ReLU between them.
+/// A statistics network of the mutual-information estimate: three linear layers with ReLU between
+/// them.
 #[derive(Clone, Copy, Debug)]
 pub struct Statistics {
     layers: [(ParameterId, ParameterId); 3],

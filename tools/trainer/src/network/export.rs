@@ -1,18 +1,18 @@
-//! From parameters in training to weights that the tracker runs.
+//! Export from parameters in training to weights of the tracker.
 
 use super::Network;
 use autodiff::Parameters;
 use weights_format::{Header, InputNormalization, LayerKind, Provenance, Storage, Tensor, Weights};
 
-/// What the network sees of pixels in training.
+/// Input normalization in training.
 pub const INPUT: InputNormalization = InputNormalization::TRAINED;
 
 /// Added to the variance (docs/method.md, section 1.1).
 const EPSILON: f64 = 1e-5;
 
 impl Network {
-    /// The deployed network: batch normalization and the head's scalars folded in, E1 and the statistics networks left
-    /// out.
+    /// The deployed network: batch normalization and the head's scalars folded in, E1 and the
+    /// statistics networks left out.
     pub fn export(
         &self,
         parameters: &Parameters,

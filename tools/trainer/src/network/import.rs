@@ -1,17 +1,17 @@
-//! From other forms of a network to parameters in training.
+//! Import from other forms of a network.
 
 use super::{INPUT, Network};
 use crate::error::Error;
 use autodiff::{Parameters, Tensor};
 use weights_format::{InputNormalization, LayerKind, Unfolded, Weights};
 
-/// The variance with which a normalization of scale 1, shift 0 and mean 0 leaves f32 values as they are: 1 less what is
-/// added to it.
+/// The variance with which a normalization of scale 1, shift 0 and mean 0 is the identity on f32
+/// values: 1 minus epsilon.
 const IDENTITY_VARIANCE: f32 = 1.0 - 1e-5;
 
 impl Network {
-    /// Sets the deployed network's parameters to those of a weights file. Its normalizations are folded in, so those here
-    /// change nothing: fit for evaluation, but not for training before
+    /// Sets the deployed network's parameters to those of a weights file. Its normalizations are
+    /// folded in, so those here change nothing: fit for evaluation, but not for training before
     /// [`statistics::unfold`](crate::fit) gave them the data's statistics.
     ///
     /// # Errors

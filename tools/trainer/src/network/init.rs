@@ -5,20 +5,20 @@ use crate::rng::Rng;
 use autodiff::{Parameter, Parameters};
 use serde::{Deserialize, Serialize};
 
-/// How weights begin.
+/// Kind of initialization.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Init {
-    /// He's normal weights and no biases: for training from nothing.
+    /// He's normal weights and zero biases, for training from random weights.
     #[default]
     Kaiming,
-    /// The reference implementation's for neck and head (docs/method.md, section 1.4); He's for the backbone, which it takes from
-    /// ImageNet.
+    /// The reference implementation's for neck and head (docs/method.md, section 1.4); He's for the
+    /// backbone, which it takes from ImageNet.
     Paper,
 }
 
 impl Network {
-    /// Sets every parameter of a network that was not trained yet.
+    /// Initializes every parameter of a network.
     pub fn initialize(&self, parameters: &mut Parameters, init: Init, seed: u64) {
         for (i, parameter) in parameters.iter_mut().enumerate() {
             let mut rng = Rng::new(seed, 0x1417, i as u64);
@@ -59,7 +59,8 @@ fn first_value(parameter: &mut Parameter, init: Init, rng: &mut Rng) {
             (false, None) => normal((2.0 / fan_in).sqrt()),
         }
     } else if let (false, Some(output)) = (paper, output) {
-        // Normalized outputs, so these are the outputs' spread and mean: few cells are the target, boxes of some 30 pixels.
+        // Normalized outputs, so these are the outputs' spread and mean: few cells are the target,
+        // boxes of some 30 pixels.
         if name.ends_with(".bn.scale") {
             values.fill([0.5, 0.35, 0.5][output]);
         } else if name.ends_with(".bn.shift") {

@@ -20,14 +20,15 @@ pub struct LossOptions {
     pub local: f32,
     /// Weight of the identity loss, 0 to leave it out.
     pub identity: f32,
-    /// Smallest IoU told from 0.
+    /// Lower bound of the IoU.
     pub min_iou: f32,
-    /// Largest exponent of the distances.
+    /// Upper bound of the exponent of the distances.
     pub max_exponent: f32,
 }
 
 impl Default for LossOptions {
-    /// The spec's weights, with an IoU of at least 1e-6 and distances of at most 8 exp(6) pixels.
+    /// The weights of docs/method.md, section 3.4 and 3.7, with an IoU of at least 1e-6 and
+    /// distances of at most 8 exp(6) pixels.
     fn default() -> LossOptions {
         LossOptions {
             focal_alpha: 0.25,
@@ -42,7 +43,7 @@ impl Default for LossOptions {
     }
 }
 
-/// What a step sees: normalized crops (`[batch, side, side, 3]`) and what is true of them.
+/// Input of a step: normalized crops (`[batch, side, side, 3]`) and their targets.
 #[derive(Clone, Debug)]
 pub struct Batch {
     /// Template crops.
@@ -53,7 +54,7 @@ pub struct Batch {
     pub again: Tensor,
     /// Whether template and search crop show one target.
     pub positive: Vec<bool>,
-    /// What the head should say.
+    /// Targets of the head.
     pub targets: Targets,
     /// The score map's cells.
     pub cells: Cells,
@@ -130,7 +131,7 @@ impl LossValues {
 }
 
 impl Losses {
-    /// What they came to.
+    /// Their values.
     pub fn values(&self, tape: &Tape) -> LossValues {
         let value = |var: Var| f64::from(tape.value(var).item());
         let maybe = |var: Option<Var>| var.map_or(0.0, value);
@@ -147,8 +148,8 @@ impl Losses {
 }
 
 impl Network {
-    /// Runs a batch through the network and its losses. The backbone runs on template, search crop and second template in this
-    /// order, each with batch statistics of its own.
+    /// Runs a batch through the network and its losses. The backbone runs on template, search crop
+    /// and second template in this order, each with batch statistics of its own.
     pub fn losses(
         &self,
         tape: &mut Tape,
@@ -214,8 +215,8 @@ impl Network {
         self.encode(pass, features)
     }
 
-    /// Minus the estimates of the mutual information between the template's features and their encodings, global and local,
-    /// weighted.
+    /// Minus the estimates of the mutual information between the template's features and their
+    /// encodings, global and local, weighted.
     fn information(
         &self,
         pass: &mut Pass,

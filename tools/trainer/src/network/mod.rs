@@ -1,8 +1,10 @@
-//! The DR-MIM network for training: any widths, any encoder of the weights format, with batch normalization, the
-//! identity-unrelated encoder E1 and the statistics networks beside what is deployed.
+//! The DR-MIM network for training: any widths, any encoder of the weights format, with batch
+//! normalization, the identity-unrelated encoder E1 and the statistics networks beside what is
+//! deployed.
 //!
-//! Parameters bear the names of the weights format (`<layer>.weight`, `<layer>.bias`) and `<layer>.bn.scale`, `.bn.shift`,
-//! `.bn.mean`, `.bn.variance`; beside them `head.si`, `head.bi`, `dr.e1.*`, `mi.global.*` and `mi.local.*`.
+//! Parameters bear the names of the weights format (`<layer>.weight`, `<layer>.bias`) and
+//! `<layer>.bn.scale`, `.bn.shift`, `.bn.mean`, `.bn.variance`; beside them `head.si`, `head.bi`,
+//! `dr.e1.*`, `mi.global.*` and `mi.local.*`.
 
 mod block;
 mod export;
@@ -25,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use weights_format::{Architecture, Layer, LayerKind};
 
-/// What trains beside the deployed network.
+/// Statistics networks, which are trained beside the deployed network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StatisticsNets {
@@ -48,7 +50,7 @@ impl StatisticsNets {
     }
 }
 
-/// The network: which parameters make what of which.
+/// The network in training.
 #[derive(Debug)]
 pub struct Network {
     architecture: Architecture,
@@ -70,7 +72,7 @@ pub struct Prediction {
     pub offsets: Var,
 }
 
-/// What the template's features became.
+/// The features of the template and their encodings.
 #[derive(Clone, Copy, Debug)]
 struct Template {
     features: Var, // what the encoders see
@@ -83,7 +85,8 @@ impl Network {
     /// Adds the network's parameters, uninitialized.
     ///
     /// # Errors
-    /// If the architecture is out of bounds, or asks for a mutual-information loss without an encoder.
+    /// If the architecture is out of bounds, or asks for a mutual-information loss without an
+    /// encoder.
     pub fn new(
         parameters: &mut Parameters,
         architecture: Architecture,
@@ -141,7 +144,7 @@ impl Network {
         &self.architecture
     }
 
-    /// What trains beside the deployed network.
+    /// Statistics networks, which are trained beside the deployed network.
     pub fn statistics_nets(&self) -> StatisticsNets {
         self.statistics_nets
     }
@@ -213,7 +216,8 @@ impl Network {
         output
     }
 
-    /// Template and search crops to predictions, as the losses see them; for their side effect on batch statistics.
+    /// Runs template and search crops through the network as the losses do, to update batch
+    /// statistics.
     pub fn predict(&self, tape: &mut Tape, template: Tensor, search: Tensor) -> Prediction {
         let pass = &mut Pass::new(tape);
         let crops = pass.constant(template);
@@ -222,7 +226,8 @@ impl Network {
         self.search(pass, crops, &template)
     }
 
-    /// What every layer makes of template and search crops, E1 included: layers that see both come twice.
+    /// Outputs of every layer for template and search crops, E1 included. Layers that run on both
+    /// are listed twice.
     pub fn observe(&self, tape: &mut Tape, template: Tensor, search: Tensor) -> Vec<Made> {
         let mut pass = Pass::new(tape);
         let crops = pass.constant(template);

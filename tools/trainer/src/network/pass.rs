@@ -1,27 +1,27 @@
-//! A forward pass, with what became of each layer on the way.
+//! A forward pass that keeps the output of each layer.
 
 use autodiff::{Tape, Var};
 use std::ops::{Deref, DerefMut};
 
-/// A forward pass: the tape that it is written on, and which layer made which of the tape's values.
+/// A forward pass: its tape, and the values on it that each layer computed.
 pub struct Pass<'t, 'p> {
     tape: &'t mut Tape<'p>,
     made: Vec<Made>,
 }
 
-/// What one layer made of its input in one run.
+/// The outputs of one layer in one run.
 #[derive(Clone, Debug)]
 pub struct Made {
     /// The layer's name; `backbone.pool1` and `backbone.pool2` are layers too.
     pub layer: String,
-    /// Behind the convolution, before anything that follows it.
+    /// Output of the convolution alone.
     pub convolved: Var,
-    /// As the next layer sees it.
+    /// Output of the whole layer, the input of the next one.
     pub output: Var,
 }
 
 impl<'t, 'p> Pass<'t, 'p> {
-    /// A pass that begins.
+    /// A pass without layers.
     pub fn new(tape: &'t mut Tape<'p>) -> Pass<'t, 'p> {
         Pass {
             tape,
@@ -29,7 +29,7 @@ impl<'t, 'p> Pass<'t, 'p> {
         }
     }
 
-    /// Remembers what a layer made.
+    /// Records the outputs of a layer.
     pub(super) fn remember(&mut self, layer: &str, convolved: Var, output: Var) {
         self.made.push(Made {
             layer: layer.into(),
@@ -38,7 +38,7 @@ impl<'t, 'p> Pass<'t, 'p> {
         });
     }
 
-    /// What every layer made, in the order of execution.
+    /// The outputs of all layers in the order of execution.
     pub fn into_made(self) -> Vec<Made> {
         self.made
     }

@@ -81,7 +81,7 @@ fn norm(values: impl Iterator<Item = f32>) -> f64 {
 }
 
 #[test]
-fn one_step_of_the_reference() {
+fn training_step_equals_the_reference() {
     let Some(path) = crate::testing::shared("golden/train_step.safetensors") else {
         return;
     };
@@ -184,7 +184,8 @@ fn one_step_of_the_reference() {
     for parameter in parameters.iter() {
         let name = reference_name(parameter.name());
         let (found, expected, floor) = match &parameter.gradient {
-            // Before a normalization a bias has no gradient but rounding errors, judged by its weights' gradient.
+            // Before a normalization a bias has no gradient but rounding errors, judged by its
+            // weights' gradient.
             Some(gradient) => {
                 let weights = name
                     .strip_suffix(".conv.bias")
@@ -228,7 +229,7 @@ fn random(architecture: Architecture) -> (Parameters, Network) {
 }
 
 #[test]
-fn the_tracker_runs_what_was_trained() {
+fn exported_weights_track_like_the_trained_network() {
     let encoder = |f: &dyn Fn(&mut Encoder)| {
         let mut encoder = Encoder::standard(16);
         f(&mut encoder);
@@ -292,7 +293,8 @@ fn the_tracker_runs_what_was_trained() {
                 "{architecture:?}: {found}, expected {expected}"
             );
         }
-        // Of a network that was never trained the exponents may be large; rounding is relative to the map's size.
+        // Of a network that was never trained the exponents may be large; rounding is relative to
+        // the map's size.
         let expected: Vec<f32> = value(prediction.offsets)
             .iter()
             .map(|offset| si * offset + bi)
@@ -310,7 +312,7 @@ fn the_tracker_runs_what_was_trained() {
 }
 
 #[test]
-fn counts_the_parameters_of_the_spec() {
+fn standard_network_has_the_parameters_of_the_method() {
     let count = |nets| {
         let mut parameters = Parameters::new();
         let architecture = crate::fit::standard(0.5);
@@ -328,7 +330,7 @@ fn counts_the_parameters_of_the_spec() {
 }
 
 #[test]
-fn statistics_networks_need_an_encoder() {
+fn statistics_networks_without_encoder_are_refused() {
     let architecture = Architecture {
         encoder: None,
         ..narrow()

@@ -1,4 +1,4 @@
-//! Which layer feeds which, and whose filters go together.
+//! Which layer feeds which, and which layers are pruned together.
 
 use weights_format::{Architecture, LayerKind};
 
@@ -15,8 +15,8 @@ pub struct Group {
     pub width: usize,
 }
 
-/// All groups in the order of execution, E1's last, whether there is one or not; the head's outputs are in none, they
-/// stay as they are.
+/// All groups in the order of execution, E1's last, whether it exists or not. The outputs of the
+/// head are in no group, since they are never pruned.
 pub fn groups(architecture: &Architecture) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for layer in architecture
@@ -66,7 +66,7 @@ pub fn input(architecture: &Architecture, layer: &str) -> Option<String> {
     }
 }
 
-/// The layers that a statistics network reads, in the order of its inputs: features, related and
+/// Layers that a statistics network reads, in the order of its inputs: features, related features,
 /// unrelated features.
 pub fn statistics_inputs(architecture: &Architecture) -> Option<[String; 3]> {
     let features = input(architecture, "dr.e2.0")?;
@@ -81,7 +81,7 @@ mod tests {
 
     /// Every layer has as many inputs as the one that feeds it has outputs.
     #[test]
-    fn inputs_are_the_outputs_of_the_layer_before() {
+    fn each_layer_has_the_channels_of_its_source() {
         let uneven = Widths {
             backbone: [2, 3, 4, 5, 6],
             neck_cls: 7,
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_of_the_standard_network() {
+    fn standard_network_has_its_pruning_groups() {
         let found = groups(&standard(0.5));
         let names: Vec<_> = found.iter().map(|group| &group.name[..]).collect();
         let head = [

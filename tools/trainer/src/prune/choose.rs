@@ -10,13 +10,14 @@ use weights_format::{Architecture, Encoder, Widths};
 /// How many filters of a layer stay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
-    /// That share of the unpruned network's goes, whatever there is now.
+    /// Removes a share of the unpruned network's filters, regardless of the present number.
     Ratio(f64),
-    /// Those of at least that mean rank stay. For a neck pair, the search side's rank counts.
+    /// Keeps filters of at least this mean rank. For a pair of necks the rank of the search side
+    /// counts.
     Rank(f64),
 }
 
-/// How small a network is to become.
+/// Target size of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Targets {
     /// For layers without a rule of their own.
@@ -25,7 +26,8 @@ pub struct Targets {
     pub layers: BTreeMap<String, Rule>,
 }
 
-/// Layers that can have a rule of their own, in the order of [`Widths::all`]. The encoders follow `backbone.conv5`.
+/// Layers that can have a rule of their own, in the order of [`Widths::all`]. The encoders follow
+/// `backbone.conv5`.
 pub const LAYERS: [&str; 13] = [
     "backbone.conv1",
     "backbone.conv2",
@@ -63,8 +65,9 @@ impl Targets {
     }
 }
 
-/// Chooses the filters that stay: those of highest rank; of equal rank, those of larger L1 norm; of equal norm, the first
-/// ones. Layers that go together count by the sums of their ranks and norms.
+/// Chooses the filters to keep: those of highest rank; at equal rank those of larger L1 norm; at
+/// equal norm the first ones. Layers that are pruned together count by the sums of their ranks and
+/// norms.
 ///
 /// # Errors
 /// If a rule asks for more filters than there are, or leaves none.
@@ -110,7 +113,7 @@ pub fn choose(
                 let indices: Vec<_> = (0..group.width).filter(|&i| decisive[i] >= least).collect();
                 (indices.len(), indices)
             }
-            // An encoder stays to its features as it was.
+            // An encoder keeps its width relative to its features.
             (None, _) => {
                 let features = architecture.widths.backbone[4];
                 let left = kept
@@ -129,7 +132,8 @@ pub fn choose(
     Ok(Keep { groups: kept })
 }
 
-/// A group's place in [`LAYERS`]; `None` for an encoder. Behind one encoder for both tasks, the necks are one group.
+/// A group's place in [`LAYERS`]; `None` for an encoder. Behind one encoder for both tasks, the
+/// necks are one group.
 fn index(group: &str) -> Option<usize> {
     let name = if group == "neck" { "neck.cls" } else { group };
     LAYERS.iter().position(|layer| *layer == name)
@@ -220,7 +224,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ties_go_to_the_larger_norm_then_to_the_first() {
+    fn equal_ranks_are_ordered_by_norm_then_index() {
         let ranks = [2.0, 5.0, 2.0, 2.0, 0.0, 2.0];
         let norms = [1.0, 0.0, 3.0, 1.0, 9.0, 1.0];
         assert_eq!(highest(&ranks, &norms, 0), [0; 0]);

@@ -1,9 +1,10 @@
-//! Pruning by rank: filters whose feature maps have low rank go, and with them the inputs they feed.
+//! Pruning by rank: filters whose feature maps have low rank are removed, with the inputs they
+//! feed.
 //!
 //! | file | what is in it |
 //! |---|---|
 //! | `ranks` | mean ranks of feature maps over crops of the data |
-//! | `chain` | which layer feeds which, and whose filters go together |
+//! | `chain` | which layer feeds which, and which layers are pruned together |
 //! | `choose` | how many filters stay, and which |
 //! | `slice` | parameters of the smaller network |
 //!
@@ -23,7 +24,7 @@ use crate::error::Error;
 use crate::fit::{Fit, FitOptions, Position};
 use std::fmt;
 
-/// What pruning did to the filters of one layer, or of two that go together.
+/// Pruning of one layer, or of two that are pruned together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// The layer.
@@ -32,20 +33,20 @@ pub struct Row {
     pub of: usize,
     /// How many stay.
     pub kept: usize,
-    /// Mean rank of those that stay, and of those that go.
+    /// Mean rank of the kept and of the removed filters.
     pub ranks: [Option<f64>; 2],
 }
 
-/// A smaller network and how it came about.
+/// A pruned network and the choice behind it.
 pub struct Pruned {
-    /// The network, as a run that has not begun.
+    /// The network, as a fresh run.
     pub fit: Fit,
-    /// What happened to each layer.
+    /// The choice in each layer.
     pub rows: Vec<Row>,
 }
 
-/// Makes a network smaller: of every layer the filters of highest rank stay, as many as `targets` say. The result is a run
-/// that has not begun, of the same options and data, with the parameters that are left.
+/// Prunes a network to `targets`, keeping the filters of highest rank in every layer. The result is
+/// a fresh run with the same options and data.
 ///
 /// # Errors
 /// If a target is larger than what there is, or the smaller network cannot be built.

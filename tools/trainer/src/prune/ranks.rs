@@ -10,8 +10,8 @@ use weights_format::{Storage, Weights};
 
 /// The mean rank of each filter's feature map, by layer.
 ///
-/// Maps are taken as the next layer sees them: behind the ReLU, and behind the pool where there is one. Where a layer works
-/// on template and search crops, both count alike.
+/// Maps are the input of the next layer: after ReLU, and after the pool if there is one. For a
+/// layer that runs on template and search crops, both count alike.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ranks {
     /// How many pairs of crops they are the means over.
@@ -22,7 +22,7 @@ pub struct Ranks {
 /// Pairs that pass through the network at once.
 const BATCH: usize = 4;
 
-/// Pairs for ranks are far behind all that are trained on.
+/// First pair for ranks, far beyond all training pairs.
 const FIRST: u64 = 1 << 44;
 
 impl Ranks {
@@ -31,7 +31,7 @@ impl Ranks {
         Ranks { pairs, by_layer }
     }
 
-    /// Measures a network on `pairs` pairs of crops of the data, on some threads.
+    /// Measures a network on `pairs` pairs of crops of the data.
     ///
     /// # Errors
     /// If a feature map is not finite, or the threads cannot be started.
@@ -159,8 +159,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranks_of_known_maps() {
-        // Filter 0 is dead, filter 1 constant, filter 2 the identity matrix in the first image and constant in the second.
+    fn known_maps_have_their_ranks() {
+        // Filter 0 is dead, filter 1 constant, filter 2 the identity matrix in the first image and
+        // constant in the second.
         let value = |image: usize, y: usize, x: usize, c: usize| match (c, image) {
             (0, _) => 0.0,
             (2, 0) => f32::from(u8::from(x == y)),

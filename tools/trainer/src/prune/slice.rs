@@ -1,4 +1,4 @@
-//! Parameters of the smaller network: the same values, fewer of them.
+//! Parameters of the smaller network: a selection of the same values.
 
 use super::chain::{input, statistics_inputs};
 use super::choose::Keep;
@@ -62,7 +62,7 @@ pub fn slice(
     Ok(sliced)
 }
 
-/// What a parameter's extents follow.
+/// What determines the extents of a parameter.
 enum Owner<'a> {
     /// A layer's filters and those of the layer before it.
     Layer(&'a str),
@@ -101,8 +101,8 @@ fn positions(architecture: &Architecture) -> usize {
     encoder.map_or(1, |layer| layer.out_template.pow(2))
 }
 
-/// Inputs of a statistics network that stay: features, then the related and unrelated codes together, each flattened
-/// channel by channel.
+/// Inputs of a statistics network that stay: features, then the related and unrelated codes
+/// together, each flattened channel by channel.
 fn statistics_inputs_kept(
     architecture: &Architecture,
     keep: &Keep,
@@ -129,7 +129,7 @@ fn statistics_inputs_kept(
         .collect()
 }
 
-/// A tensor with only those indices along one of its extents.
+/// Selects indices of a tensor along one of its extents.
 fn take(tensor: &Tensor, axis: usize, indices: &[usize]) -> Tensor {
     let shape = tensor.shape();
     let inner: usize = shape[axis + 1..].iter().product();
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn takes_along_any_extent() {
+    fn selection_works_along_every_extent() {
         let tensor = Tensor::new(&[2, 3, 2], (0..12).map(|v| v as f32).collect());
         assert_eq!(
             take(&tensor, 0, &[1]).data(),

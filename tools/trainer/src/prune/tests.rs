@@ -1,4 +1,5 @@
-//! Pruning against the authors' published ranks, against the spec's totals, and against the network itself.
+//! Pruning against the authors' published ranks, against the totals of docs/method.md, and against
+//! the network itself.
 
 use super::*;
 use crate::data::DataOptions;
@@ -31,7 +32,7 @@ const REFERENCE: [(&str, &str); 15] = [
 ];
 
 #[test]
-fn p_siamfcpp_from_its_published_ranks() {
+fn published_ranks_give_the_published_p_siamfcpp() {
     let Some(path) = shared("golden/psiamfcpp_ranks.json") else {
         return;
     };
@@ -197,7 +198,7 @@ fn ranks_of(fit: &Fit) -> Ranks {
 }
 
 #[test]
-fn nothing_pruned_changes_nothing() {
+fn pruning_nothing_keeps_every_value() {
     for (encoder, nets) in [
         (None, StatisticsNets::None),
         (Some(Encoder::standard(8)), StatisticsNets::Light),
@@ -218,7 +219,7 @@ fn nothing_pruned_changes_nothing() {
 }
 
 #[test]
-fn dead_filters_go_without_a_trace() {
+fn pruning_dead_filters_keeps_the_outputs() {
     for encoder in [None, Some(Encoder::standard(8))] {
         let nets = if encoder.is_some() {
             StatisticsNets::Full
@@ -276,7 +277,7 @@ fn dead_filters_go_without_a_trace() {
 }
 
 #[test]
-fn a_pruned_network_is_a_checkpoint_that_training_continues_from() {
+fn pruned_network_is_a_checkpoint_to_train_from() {
     let fit = tiny(Some(Encoder::standard(8)), StatisticsNets::Light);
     let pruned = prune(&fit, &ranks_of(&fit), &counts(&fit, |n| n - 2)).unwrap();
     let folder = Folder::new("prune");
@@ -303,7 +304,7 @@ fn a_pruned_network_is_a_checkpoint_that_training_continues_from() {
 }
 
 #[test]
-fn impossible_targets_are_refused_by_name() {
+fn impossible_pruning_targets_are_refused() {
     let fit = tiny(None, StatisticsNets::None);
     let refused = |targets: &Targets| {
         prune(&fit, &Ranks::default(), targets)

@@ -1,7 +1,7 @@
-//! Studies: several training runs that differ in one thing, one after another, and a table and a plot of what came out.
+//! Studies: training runs that differ in one thing, with a table and a plot of their results.
 //!
-//! Each run has a folder of its own and leaves `result.json` there when it is done. A study that is started again skips
-//! runs that are done and goes on with the one that was interrupted.
+//! Each run has its own folder and writes `result.json` at its end. A restarted study skips
+//! finished runs and continues the interrupted one.
 
 mod table;
 #[cfg(test)]
@@ -22,20 +22,20 @@ use std::sync::Arc;
 /// One of a study's runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variant {
-    /// What it shares with runs that differ in the seed only: a row of the table.
+    /// Group of runs that differ in the seed only: a row of the table.
     pub group: String,
     /// How it is trained.
     pub options: FitOptions,
     /// How its pairs are made.
     pub data_options: DataOptions,
-    /// The file with its first parameters; fresh ones where there is none.
+    /// File with its initial parameters; random ones if there is none.
     pub start: Option<PathBuf>,
 }
 
 /// Several runs on the same data.
 #[derive(Clone, Debug)]
 pub struct Study {
-    /// What it is about: the table's first column.
+    /// Heading of the table's first column.
     pub title: String,
     /// The data as the user named them.
     pub data: Vec<String>,
@@ -43,7 +43,7 @@ pub struct Study {
     pub variants: Vec<Variant>,
 }
 
-/// What came out of one run.
+/// Result of one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outcome {
@@ -63,7 +63,7 @@ pub struct Outcome {
     pub steps: u64,
     /// Seconds of training.
     pub seconds: f64,
-    /// How well it tracks.
+    /// Accuracy.
     pub report: Report,
 }
 
@@ -75,7 +75,8 @@ impl Variant {
 }
 
 impl Study {
-    /// Runs what is not done yet, and writes `table.md`, `table.json` and `plot.svg` after each run. The outcomes of all.
+    /// Runs what is unfinished, and writes `table.md`, `table.json` and `plot.svg` after each run.
+    /// Returns all results.
     ///
     /// # Errors
     /// If a run fails, or a folder holds a run of other options.
@@ -136,7 +137,7 @@ impl Study {
         Dataset::open(&specs?, variant.data_options.clone())
     }
 
-    /// What came out of a run that is done.
+    /// Result of a finished run.
     fn done(&self, variant: &Variant, path: &Path) -> Result<Option<Outcome>, Error> {
         if !path.exists() {
             return Ok(None);
@@ -176,7 +177,7 @@ impl Study {
         ))
     }
 
-    /// Begins a run or goes on with it.
+    /// Starts or continues a run.
     fn train(
         &self,
         variant: &Variant,
@@ -184,35 +185,31 @@ impl Study {
         run: &RunOptions,
     ) -> Result<Outcome, Error> {
         let checkpoint = run.out.join("checkpoint.safetensors");
-        let mut fit = match checkpoint.exists() {
-            true => {
-                let fit = Fit::resume(&checkpoint)?;
-                let position = fit.position();
-                self.same(
-                    variant,
-                    &checkpoint,
-                    &position.options,
-                    &position.data_options,
-                    &position.data,
-                )?;
-                fit
-            }
-            false => {
-                let (options, data_options) =
-                    (variant.options.clone(), variant.data_options.clone());
-                let mut fit = Fit::start(options, self.data.clone(), data_options)?;
-                if let Some(start) = &variant.start {
-                    let fresh = fit.take_over(&Fit::open(start)?);
-                    if !fresh.is_empty() {
-                        eprintln!(
-                            "not in {}, so begun anew: {}",
-                            start.display(),
-                            fresh.join(", ")
-                        );
-                    }
+        let mut fit = if checkpoint.exists() {
+            let fit = Fit::resume(&checkpoint)?;
+            let position = fit.position();
+            self.same(
+                variant,
+                &checkpoint,
+                &position.options,
+                &position.data_options,
+                &position.data,
+            )?;
+            fit
+        } else {
+            let (options, data_options) = (variant.options.clone(), variant.data_options.clone());
+            let mut fit = Fit::start(options, self.data.clone(), data_options)?;
+            if let Some(start) = &variant.start {
+                let fresh = fit.take_over(&Fit::open(start)?);
+                if !fresh.is_empty() {
+                    eprintln!(
+                        "initialized, since {} lacks them: {}",
+                        start.display(),
+                        fresh.join(", ")
+                    );
                 }
-                fit
             }
+            fit
         };
         let report = fit.run(dataset, run)?;
         let architecture = fit.network().architecture();

@@ -1,4 +1,4 @@
-//! What came out of a study's runs, as Markdown, JSON and a plot.
+//! Results of a study as Markdown, JSON and a plot.
 
 use super::Outcome;
 use crate::validate::{Accuracy, Report};
@@ -9,7 +9,7 @@ use serde_json::json;
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Over {
     mean: f64,
-    /// Standard deviation between runs; none of a single one.
+    /// Standard deviation between runs; `None` for a single run.
     spread: Option<f64>,
 }
 
@@ -76,14 +76,15 @@ fn rows(outcomes: &[Outcome]) -> Vec<Row<'_>> {
     rows
 }
 
-/// The sets that there are outcomes of.
+/// Sets of clips for which there are results.
 fn sets(outcomes: &[Outcome]) -> Vec<Set> {
     SETS.into_iter()
         .filter(|(_, of)| outcomes.iter().any(|outcome| of(&outcome.report).is_some()))
         .collect()
 }
 
-/// A table for people: a row per group, means over its seeds with the standard deviation between them.
+/// A table for people: a row per group, means over its seeds with the standard deviation between
+/// them.
 pub fn markdown(title: &str, outcomes: &[Outcome]) -> String {
     let sets = sets(outcomes);
     let mut head = vec![

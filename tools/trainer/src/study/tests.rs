@@ -34,7 +34,7 @@ fn outcome(group: &str, seed: u64, auc: f64) -> Outcome {
 }
 
 #[test]
-fn tables_have_means_and_spreads_over_seeds() {
+fn table_has_means_and_deviations_over_seeds() {
     let outcomes = [
         outcome("full", 1, 60.0),
         outcome("no-mi", 1, 50.0),
@@ -87,7 +87,7 @@ fn run_options(out: &Path) -> RunOptions {
 }
 
 #[test]
-fn done_runs_are_skipped_and_others_go_on() {
+fn restarted_study_skips_finished_and_continues_others() {
     let folder = Folder::new("study");
     let data = vec![pictures(&folder)];
     let data_options = DataOptions::default();
@@ -181,7 +181,7 @@ fn done_runs_are_skipped_and_others_go_on() {
 }
 
 #[test]
-fn a_sweep_prunes_and_trains_on() {
+fn sweep_prunes_and_trains() {
     let folder = Folder::new("sweep");
     let data = vec![pictures(&folder)];
     let data_options = DataOptions::default();

@@ -1,4 +1,4 @@
-//! The studies of the paper: pruning ratios, and what its parts are worth.
+//! The studies of the paper: pruning ratios and ablation.
 
 use super::{Study, Variant};
 use crate::data::{DataOptions, Dataset};
@@ -9,10 +9,11 @@ use crate::prune::{Ranks, Targets, prune};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A network pruned to each of some ratios, then trained on with the same options and pairs: precision against ratio.
+/// A network pruned to each of some ratios, then trained on with the same options and pairs:
+/// precision against ratio.
 ///
-/// The pruned networks are written to `out` as `pruned-<ratio>.safetensors`; those that are there already are taken as
-/// they are. Ranks are means over `pairs` pairs.
+/// The pruned networks are written to `out` as `pruned-<ratio>.safetensors`; those that are there
+/// already are taken as they are. Ranks are means over `pairs` pairs.
 ///
 /// # Errors
 /// If a ratio asks for a larger network than `source`, or the data cannot be opened.
@@ -61,12 +62,12 @@ pub fn sweep(
     })
 }
 
-/// What [`ablation`] can train: everything; without the mutual-information losses; without the identity loss; without E1, E2
-/// and so all of their losses.
+/// Variants of [`ablation`]: everything; no mutual-information losses; no identity loss; no
+/// encoders E1 and E2 and none of their losses.
 pub const VARIANTS: [&str; 4] = ["full", "no-mi", "no-identity", "no-encoder"];
 
-/// The same network, with everything or without a part of DR-MIM, from nothing, with the same options and pairs for each
-/// of some seeds. `groups` are some of [`VARIANTS`].
+/// Trains the network with and without parts of DR-MIM from random weights, with the same options
+/// and pairs, for each of some seeds. `groups` are some of [`VARIANTS`].
 pub fn ablation(
     options: &FitOptions,
     data: &[String],

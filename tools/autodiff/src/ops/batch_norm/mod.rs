@@ -1,11 +1,14 @@
-//! Batch normalization per channel: `y = gamma (x - mean) / sqrt(variance + 1e-5) + beta`, then ReLU if asked for.
+//! Batch normalization per channel: `y = gamma (x - mean) / sqrt(variance + 1e-5) + beta`, then
+//! ReLU if asked for.
 //!
-//! In training `mean` and `variance` (biased, over batch and positions, `m` values) are the batch's, and the running ones
-//! follow with momentum 0.1 (the running variance is the unbiased `m / (m - 1)` one). In evaluation they are the running
-//! ones, and constants on the way back (docs/method.md, sections 1.1, 3.9).
+//! In training `mean` and `variance` (biased, over batch and positions, `m` values) are the
+//! batch's, and the running ones follow with momentum 0.1 (the running variance is the unbiased
+//! `m / (m - 1)` one). In evaluation they are the running ones, and constants on the backward pass
+//! (docs/method.md, sections 1.1, 3.9).
 //!
-//! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`. Backwards, with `g` the gradient of `y` (zeroed
-//! where ReLU was), `n` the normalized input and `a = gamma / sqrt(variance + 1e-5)`:
+//! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`. Backwards, with `g` the
+//! gradient of `y` (zeroed where ReLU was), `n` the normalized input and
+//! `a = gamma / sqrt(variance + 1e-5)`:
 //! - `dbeta = sum g`, `dgamma = sum g n`;
 //! - training: `dx = a (g - dbeta / m - n dgamma / m)`; evaluation: `dx = a g`.
 
@@ -39,7 +42,8 @@ struct BatchNorm {
 }
 
 impl Tape<'_> {
-    /// Normalizes `x` (`[.., channels]`) and applies ReLU if asked for; in training, updates the `running` statistics.
+    /// Normalizes `x` (`[.., channels]`) and applies ReLU if asked for; in training, updates the
+    /// `running` statistics.
     ///
     /// Panics if the shapes do not fit each other.
     pub fn batch_norm(
@@ -236,7 +240,8 @@ mod tests {
 
     #[test]
     fn gradients_through_relu() {
-        // Normalized to about +-1.2 and +-0.4 with beta 0.1: the check's step carries none of them across 0.
+        // Normalized to about +-1.2 and +-0.4 with beta 0.1: the check's step carries none of them
+        // across 0.
         let x = Tensor::new(&[4, 1], vec![3.0, 4.0, 5.0, 6.0]);
         let (mut parameters, running) = parameters(1);
         let inputs = [x, Tensor::full(&[1], 0.9), Tensor::full(&[1], 0.1)];
@@ -246,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn normalizes_and_follows() {
+    fn training_normalizes_and_updates_statistics() {
         let compute = Compute::new(1).unwrap();
         let (mut parameters, running) = parameters(1);
         parameters[running.mean].value.data_mut()[0] = 2.0;

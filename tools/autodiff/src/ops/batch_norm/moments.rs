@@ -100,7 +100,7 @@ mod tests {
 
     /// A mean far from 0 costs no accuracy.
     #[test]
-    fn equals_the_definition() {
+    fn moments_equal_their_definition() {
         let compute = Compute::new(2).unwrap();
         let (rows, channels) = (3 * 301, 5);
         let mut x = noise(&[3, 301, channels], 1);

@@ -1,17 +1,18 @@
-//! Convolution: `y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[sy + ky - pad, sx + kx - pad, i]`, then ReLU
-//! if asked for.
+//! Convolution:
+//! `y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[sy + ky - pad, sx + kx - pad, i]`, then
+//! ReLU if asked for.
 //!
-//! Shapes: input `[batch, H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]`, output `[batch, H', W', Cout]`.
-//! Backwards, with `g` the gradient of `y` (zeroed where ReLU was):
+//! Shapes: input `[batch, H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]`, output
+//! `[batch, H', W', Cout]`. Backwards, with `g` the gradient of `y` (zeroed where ReLU was):
 //! - bias: the sum of `g` over batch and positions;
-//! - weights: `dw[o, ky, kx, i] = sum of g[y, x, o] * x[sy + ky - pad, sx + kx - pad, i]`, see [`weight_gradient`] and, with fewer
-//!   multiplications, [`winograd_gradient`];
-//! - input: the convolution of `g`, zeros between its pixels if the stride is more than 1 and `k - 1 - pad` of them around
-//!   it, with the weights turned by half a turn and their channel axes exchanged. So it runs on the forward's kernels,
-//!   Winograd's among them.
+//! - weights: `dw[o, ky, kx, i] = sum of g[y, x, o] * x[sy + ky - pad, sx + kx - pad, i]`, see
+//!   [`weight_gradient`] and, with fewer multiplications, [`winograd_gradient`];
+//! - input: the convolution of `g`, zeros between its pixels if the stride is more than 1 and
+//!   `k - 1 - pad` of them around it, with the weights turned by half a turn and their channel axes
+//!   exchanged. So it runs on the forward's kernels, Winograd's among them.
 //!
-//! All three cost the forward's multiply-accumulates (docs/method.md, section 3.9), fewer with Winograd's algorithm, and images of a batch run in
-//! parallel.
+//! All three cost the forward's multiply-accumulates (docs/method.md, section 3.9), fewer with
+//! Winograd's algorithm, and images of a batch run in parallel.
 
 mod weight_gradient;
 mod winograd_gradient;
@@ -54,7 +55,8 @@ struct Convolution {
 }
 
 impl Tape<'_> {
-    /// Convolves `x` (`[batch, H, W, Cin]`) with `weights` (`[Cout, k, k, Cin]`) and adds `bias` (`[Cout]`).
+    /// Convolves `x` (`[batch, H, W, Cin]`) with `weights` (`[Cout, k, k, Cin]`) and adds `bias`
+    /// (`[Cout]`).
     ///
     /// Panics if the shapes do not fit each other.
     pub fn conv2d(&mut self, x: Var, weights: Var, bias: Option<Var>, options: Conv2d) -> Var {
@@ -112,7 +114,8 @@ impl Tape<'_> {
         )
     }
 
-    /// The convolution with `weights` laid out for a direction and an algorithm, made the first time.
+    /// The convolution with `weights` laid out for a direction and an algorithm, made the first
+    /// time.
     fn packed_once(
         &mut self,
         weights: Var,
@@ -231,7 +234,8 @@ impl Convolution {
     }
 }
 
-/// Weights for the way back: `[Cout, k, k, Cin]` turned by half a turn, with channel axes exchanged.
+/// Weights for the backward pass: `[Cout, k, k, Cin]` turned by half a turn, with channel axes
+/// exchanged.
 fn turn(shape: &ConvShape, weights: &[f32]) -> Vec<f32> {
     let (cin, area) = (shape.in_channels, shape.kernel * shape.kernel);
     let mut turned = Vec::with_capacity(weights.len());
@@ -355,7 +359,7 @@ mod tests {
                 let allowed = if kernel == 3 { 1e-4 } else { 1e-3 }; // up to 10 points
                 assert!(
                     error < allowed,
-                    "{side}, {cin} to {cout}, {kernel}x{kernel}: {what} off by {error:.1e} of its RMS"
+                    "{side}, {cin} to {cout}, {kernel}x{kernel}: {what} off by {error:.1e} RMS"
                 );
             }
         }
@@ -363,7 +367,8 @@ mod tests {
 
     #[test]
     fn gradients_through_relu() {
-        // Outputs are whole and half numbers away from 0, far more than the check's step moves them.
+        // Outputs are whole and half numbers away from 0, far more than the check's step moves
+        // them.
         let x = Tensor::new(&[1, 2, 2, 1], vec![1.0, -2.0, 3.0, -4.0]);
         let weights = Tensor::new(&[2, 1, 1, 1], vec![1.0, -1.0]);
         let bias = Tensor::new(&[2], vec![0.5, -0.5]);

@@ -1,9 +1,9 @@
 //! The gradient of a convolution's weights, in register tiles.
 //!
-//! `dw[ky, j, o] = sum over images and output positions of g[y, x, o] * x_row[y s + ky][x s Cin + j]`, where
-//! `j = kx Cin + i` runs over the `k Cin` contiguous inputs of one row of the window: as in the forward kernel, no patch
-//! has to be gathered. One tile is up to 9 inputs `j` x up to 3 vectors of output channels, summed in registers over a
-//! strip of output positions:
+//! `dw[ky, j, o] = sum over images and output positions of g[y, x, o] * x_row[y s + ky][x s Cin + j]`,
+//! where `j = kx Cin + i` runs over the `k Cin` contiguous inputs of one row of the window: as in
+//! the forward kernel, no patch has to be gathered. One tile is up to 9 inputs `j` x up to 3
+//! vectors of output channels, summed in registers over a strip of output positions:
 //!
 //! ```text
 //! for each image of the part
@@ -20,7 +20,8 @@ use kernels::Size;
 use kernels::conv::ConvShape;
 use kernels::simd::{Kernel, Simd};
 
-/// Images that are summed before the parts are: few enough to keep threads busy, enough to make the sum over parts cheap.
+/// Images that are summed before the parts are: few enough to keep threads busy, enough to make the
+/// sum over parts cheap.
 pub(super) const PART_IMAGES: usize = 4;
 
 /// Output channels that are summed together at the end: a cache line of them.
@@ -29,8 +30,8 @@ const CHANNELS: usize = 16;
 /// Output positions of one strip, if a row is not longer.
 const STRIP: usize = 128;
 
-/// The gradient of `[Cout, k, k, Cin]`, for an input `x` and the `gradient` of the output; by Winograd's algorithm where that
-/// is allowed and expected to be faster.
+/// The gradient of `[Cout, k, k, Cin]`, for an input `x` and the `gradient` of the output; by
+/// Winograd's algorithm where that is allowed and expected to be faster.
 pub(super) fn weight_gradient(
     compute: &Compute,
     shape: &ConvShape,

@@ -1,16 +1,18 @@
-//! The gradient of a convolution's weights with fewer multiplications: Winograd's algorithm run backwards.
+//! The gradient of a convolution's weights with fewer multiplications: Winograd's algorithm run
+//! backwards.
 //!
-//! Forwards, a tile of outputs is `y = A^T [U * V] A` with `V = B^T d B` of the inputs and `U = G g G^T` of the kernel
-//! (`kernels::conv::winograd`). All of it is linear in `U`, so
+//! Forwards, a tile of outputs is `y = A^T [U * V] A` with `V = B^T d B` of the inputs and
+//! `U = G g G^T` of the kernel (`kernels::conv::winograd`). All of it is linear in `U`, so
 //!
 //! ```text
 //! W  = A y' A^T                   gradient tile, per output channel      additions
-//! U' = sum over tiles of V^T W    a x a matrix products [Cin, tiles] x [tiles, Cout]   all the multiplications
+//! U' = sum over tiles of V^T W    a x a matrix products           all the multiplications
+//!                                 [Cin, tiles] x [tiles, Cout]
 //! g' = G^T U' G                   once per batch
 //! ```
 //!
-//! Tiles of several images fill a strip; a full strip is multiplied, point by point, in the register tiles of
-//! [`weight_gradient`](super::weight_gradient).
+//! Tiles of several images fill a strip; a full strip is multiplied, point by point, in the
+//! register tiles of [`weight_gradient`](super::weight_gradient).
 
 use super::weight_gradient::{PART_IMAGES, Tile};
 use crate::ops::map::Placement;
@@ -28,7 +30,8 @@ const STRIP_TILES: usize = 128;
 /// Most points along one side of a tile.
 const MAX_POINTS: usize = 8;
 
-/// Points along one side of a tile where this algorithm is expected to be faster than the direct one.
+/// Points along one side of a tile where this algorithm is expected to be faster than the direct
+/// one.
 pub(super) fn points(shape: &ConvShape, batch: usize, out: Size) -> Option<usize> {
     // In multiply-accumulates of the register tile, as in `Algorithm::plan`.
     const TRANSFORMED_VALUE: usize = 22;
@@ -129,10 +132,11 @@ pub(super) fn weight_gradient(
 struct Strip<'a> {
     shape: &'a ConvShape,
     points: usize,
-    filled: usize,            // tiles
-    inputs: &'a mut [f32],    // [points^2][STRIP_TILES, Cin], and a cache line between points
-    gradients: &'a mut [f32], // [points^2][block][STRIP_TILES, vectors of the block * LANES], likewise
-    sums: &'a mut [f32],      // [points^2][Cin, Cout], added to
+    filled: usize,         // tiles
+    inputs: &'a mut [f32], // [points^2][STRIP_TILES, Cin], and a cache line between points
+    // [points^2][block][STRIP_TILES, vectors of the block * LANES], likewise
+    gradients: &'a mut [f32],
+    sums: &'a mut [f32], // [points^2][Cin, Cout], added to
 }
 
 /// Widest vector there is, in lanes: rows of gradients are padded to it at most.
@@ -276,7 +280,8 @@ impl AddImage<'_, '_> {
     }
 }
 
-/// `W = A y' A^T` of the gradient tile whose corner is `(y, x)`, to the strip's next tile; gradients beyond the map count as 0.
+/// `W = A y' A^T` of the gradient tile whose corner is `(y, x)`, to the strip's next tile;
+/// gradients beyond the map count as 0.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // a matrix, and its transpose
 fn gradient_tile<S: Simd, const A: usize, const M: usize>(
@@ -324,7 +329,8 @@ fn gradient_tile<S: Simd, const A: usize, const M: usize>(
     }
 }
 
-/// `A y` for one line of gradients: at every point the polynomial whose coefficients they are, at infinity the last one.
+/// `A y` for one line of gradients: at every point the polynomial whose coefficients they are, at
+/// infinity the last one.
 #[inline(always)]
 fn gradient_points<S: Simd, const A: usize, const M: usize>(
     simd: S,
@@ -431,7 +437,8 @@ mod tests {
     use crate::check::noise;
     use crate::ops::conv2d::weight_gradient;
 
-    /// Tiles that end with the map and that do not, several strips, channels that fill no vector, padding.
+    /// Tiles that end with the map and that do not, several strips, channels that fill no vector,
+    /// padding.
     #[test]
     fn as_the_direct_gradient() {
         for (batch, side, cin, cout, kernel, pad) in [
