@@ -1,4 +1,5 @@
-//! The tracker for C, C++ and Python: create, init, update, score, destroy. `include/track_cpu.h` is its documentation.
+//! The tracker for C, C++ and Python: create, init, update, score, destroy. `include/track_cpu.h`
+//! is its documentation.
 //!
 //! | where | what |
 //! |---|---|
@@ -6,12 +7,14 @@
 //! | `examples/follow.c` | raw frames to boxes in C |
 //! | `examples/track_cpu.py` | the same library from Python by ctypes: a class in place of `cv2.TrackerNano` |
 //!
-//! Every function returns a code, 0 for success; [`track_cpu_last_error`] describes the last failure. No panic crosses the
-//! boundary: it becomes a code as well. Calls from several threads on one tracker wait for each other. After `fork` a
-//! tracker of several threads refuses its calls in the child, since its threads exist in the parent only.
+//! Every function returns a code, 0 for success; [`track_cpu_last_error`] describes the last
+//! failure. No panic crosses the boundary: it becomes a code as well. Calls from several threads on
+//! one tracker wait for each other. After `fork` a tracker of several threads refuses its calls in
+//! the child, since its threads exist in the parent only.
 //!
-//! This is the only crate besides the kernels that is not `forbid(unsafe_code)`: a C caller's pointers cannot be used
-//! otherwise. All of that code is in this file, nothing but the boundary is here, and each block states what it relies on.
+//! This is the only crate besides the kernels that is not `forbid(unsafe_code)`: a C caller's
+//! pointers cannot be used otherwise. All of that code is in this file, nothing but the boundary is
+//! here, and each block states what it relies on.
 
 mod failure;
 
@@ -79,7 +82,8 @@ impl track_cpu_tracker {
             if self.threads > 1 {
                 return Err(Failure::Forked);
             }
-            // Whoever held the lock during the fork does not exist here, so nobody would ever release it.
+            // Whoever held the lock during the fork does not exist here, so nobody would ever
+            // release it.
             return self.target.try_lock().map_err(|error| match error {
                 TryLockError::WouldBlock => Failure::Forked,
                 TryLockError::Poisoned(_) => poisoned(),
@@ -93,8 +97,8 @@ impl track_cpu_tracker {
     }
 }
 
-/// Makes a tracker from a weights file or the built-in model of that name, or from the standard model if `model_path` is
-/// null.
+/// Makes a tracker from a weights file or the built-in model of that name, or from the standard
+/// model if `model_path` is null.
 ///
 /// # Safety
 /// `model_path` is null or a string that ends in 0; `out` is null or may be written to.
@@ -117,7 +121,8 @@ pub unsafe extern "C" fn track_cpu_create(
         let name = if model_path.is_null() {
             None
         } else {
-            // SAFETY: it is not null, and the caller promises that it then is a string that ends in 0.
+            // SAFETY: it is not null, and the caller promises that it then is a string that ends in
+            // 0.
             let path = unsafe { CStr::from_ptr(model_path) };
             Some(Path::new(path.to_str().map_err(|_| Failure::Path)?))
         };
@@ -140,8 +145,8 @@ pub unsafe extern "C" fn track_cpu_create(
 /// Takes what is inside a box as the target, forgetting any earlier one.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `image` and `target` are null or may be
-/// read, and so may the picture's bytes.
+/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `image` and `target`
+/// are null or may be read, and so may the picture's bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_init(
     tracker: *mut track_cpu_tracker,
@@ -149,7 +154,8 @@ pub unsafe extern "C" fn track_cpu_init(
     target: *const track_cpu_box,
 ) -> i32 {
     guarded(|| {
-        // SAFETY: the caller promises that it is null or a tracker; only its lock gives access to what changes.
+        // SAFETY: the caller promises that it is null or a tracker; only its lock gives access to
+        // what changes.
         let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
         // SAFETY: the caller promises that it is null or may be read.
         let image = unsafe { image.as_ref() }.ok_or(Failure::Null("image"))?;
@@ -176,7 +182,8 @@ pub unsafe extern "C" fn track_cpu_update(
     out: *mut track_cpu_box,
 ) -> i32 {
     guarded(|| {
-        // SAFETY: the caller promises that it is null or a tracker; only its lock gives access to what changes.
+        // SAFETY: the caller promises that it is null or a tracker; only its lock gives access to
+        // what changes.
         let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
         // SAFETY: the caller promises that it is null or may be read.
         let image = unsafe { image.as_ref() }.ok_or(Failure::Null("image"))?;
@@ -200,7 +207,8 @@ pub unsafe extern "C" fn track_cpu_update(
 /// Writes how sure the tracker is of the last box, 0 to 1.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `out` is null or may be written to.
+/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `out` is null or may
+/// be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out: *mut f32) -> i32 {
     guarded(|| {
@@ -221,7 +229,8 @@ pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out:
 pub unsafe extern "C" fn track_cpu_destroy(tracker: *mut track_cpu_tracker) {
     guarded(|| {
         if !tracker.is_null() {
-            // SAFETY: it came out of `Box::into_raw`, and the caller promises that this happens once.
+            // SAFETY: it came out of `Box::into_raw`, and the caller promises that this happens
+            // once.
             let tracker = unsafe { Box::from_raw(tracker) };
             if tracker.is_forked() {
                 // Its threads cannot be joined: they exist in the parent only.
@@ -232,7 +241,8 @@ pub unsafe extern "C" fn track_cpu_destroy(tracker: *mut track_cpu_tracker) {
     });
 }
 
-/// Describes the last failure on this thread: a string that lasts until the next call on this thread.
+/// Describes the last failure on this thread: a string that lasts until the next call on this
+/// thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn track_cpu_last_error() -> *const c_char {
     failure::last().unwrap_or(c"".as_ptr())
@@ -248,8 +258,8 @@ pub extern "C" fn track_cpu_version() -> *const c_char {
 /// The caller's picture.
 ///
 /// # Safety
-/// `image.data` is null, or as many bytes as the size, stride and format say may be read there for as long as `image`
-/// lives.
+/// `image.data` is null, or as many bytes as the size, stride and format say may be read there for
+/// as long as `image` lives.
 unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
     let track_cpu_image {
         data,
@@ -281,9 +291,11 @@ unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
         Some(length) if sides.contains(&width) && sides.contains(&height) && stride >= row => {
             length
         }
-        _ => return Ok(Frame::with_stride(&[], width, height, stride, order)?), // says what is wrong
+        // Says what is wrong.
+        _ => return Ok(Frame::with_stride(&[], width, height, stride, order)?),
     };
-    // SAFETY: it is not null; the caller promises that the bytes of its rows may be read, and they fit an `isize`.
+    // SAFETY: it is not null; the caller promises that the bytes of its rows may be read, and they
+    // fit an `isize`.
     let bytes = unsafe { std::slice::from_raw_parts(data, length) };
     Ok(Frame::with_stride(bytes, width, height, stride, order)?)
 }

@@ -126,8 +126,8 @@ fn bad_argument_gives_a_code_and_a_message() {
             "{code} {text:?}, expected {expected} {part:?}"
         );
     };
-    // SAFETY: every pointer is null or to something that lives here, the sizes are refused before data is read, and the
-    // tracker is destroyed once.
+    // SAFETY: every pointer is null or to something that lives here, the sizes are refused before
+    // data is read, and the tracker is destroyed once.
     unsafe {
         told(track_cpu_create(null(), 1, null_mut()), 1, "out is null");
         told(

@@ -7,33 +7,35 @@ use weights_format::Storage;
 
 /// Convert a PyTorch checkpoint of DR-MIM / SiamFC++-AlexNet to a weights file, and back
 ///
-/// Reads zip archives (torch 1.6 and later) and legacy streams, as data: nothing in them is executed. For a weights file,
-/// batch normalization and the head's scalars are folded in; tensors that only training needs are ignored and listed.
+/// Reads zip archives (torch 1.6 and later) and legacy streams, as data: nothing in them is
+/// executed. For a weights file, batch normalization and the head's scalars are folded in; tensors
+/// that only training needs are ignored and listed.
 ///
-/// `--to trainer` keeps them apart: what it writes, `train fit --init` and `train prune` take. `--to pytorch` goes the
-/// other way, from one of our files to a state dict under video_analyst's names, in a .pth or .safetensors file.
+/// `--to trainer` keeps them apart: what it writes, `train fit --init` and `train prune` take.
+/// `--to pytorch` goes the other way, from one of our files to a state dict under video_analyst's
+/// names, in a .pth or .safetensors file.
 #[derive(Debug, Parser)]
 #[command(version, after_help = program::exit_help())]
 pub struct Args {
-    /// The checkpoint (.pth, .pt, .pkl); for `--to pytorch` a weights file, a checkpoint of the trainer, or what `--to trainer`
-    /// wrote
+    /// The checkpoint (.pth, .pt, .pkl); for `--to pytorch` a weights file, a checkpoint of the
+    /// trainer, or what `--to trainer` wrote.
     pub checkpoint: PathBuf,
-    /// What to write
+    /// What to write.
     #[arg(long, value_enum, default_value_t = To::Weights)]
     pub to: To,
-    /// The file to write; replaced if it exists
+    /// The file to write; replaced if it exists.
     #[arg(long, value_name = "FILE", required_unless_present = "dry_run")]
     pub out: Option<PathBuf>,
-    /// Type of the weights in the file (biases are always f32)
+    /// Type of the weights in the file (biases are always f32).
     #[arg(long, value_enum, default_value_t = Dtype::F32)]
     pub dtype: Dtype,
-    /// Print the network layer by layer and write nothing
+    /// Print the network layer by layer and write nothing.
     #[arg(long)]
     pub dry_run: bool,
-    /// Name of the model [default: that of the checkpoint]
+    /// Name of the model [default: that of the checkpoint].
     #[arg(long)]
     pub name: Option<String>,
-    /// The encoder E2 has no ReLU (no tensor tells)
+    /// The encoder E2 has no ReLU (no tensor tells).
     #[arg(long)]
     pub encoder_linear: bool,
 }
@@ -41,20 +43,20 @@ pub struct Args {
 /// What to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum To {
-    /// A weights file for the tracker
+    /// A weights file for the tracker.
     Weights,
-    /// Parameters for the trainer, nothing folded
+    /// Parameters for the trainer, nothing folded.
     Trainer,
-    /// A PyTorch state dict
+    /// A PyTorch state dict.
     Pytorch,
 }
 
 /// Type of the weights in the file.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Dtype {
-    /// Half precision: half the size, a relative error of about 0.0002
+    /// Half precision: half the size, a relative error of about 0.0002.
     F16,
-    /// Single precision, exactly as folded
+    /// Single precision, exactly as folded.
     F32,
 }
 

@@ -93,8 +93,8 @@ pub fn convert(path: &Path, options: &Options) -> Result<Conversion, Error> {
 /// Converts a checkpoint in memory.
 ///
 /// # Errors
-/// Says which part of the file, which byte of the pickle or which tensor is wrong, what was expected there and what was
-/// found.
+/// Says which part of the file, which byte of the pickle or which tensor is wrong, what was
+/// expected there and what was found.
 pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refusal> {
     let Opened {
         mut checkpoint,
@@ -290,7 +290,8 @@ fn fold(
 
 /// What was not converted: ignored and unknown.
 ///
-/// A tensor that says it is of the network but has no place in it would change what the network computes: refused.
+/// A tensor that says it is of the network but has no place in it would change what the network
+/// computes: refused.
 fn rest(
     checkpoint: &Checkpoint,
     layers: &[Layer],

@@ -1,6 +1,6 @@
 //! Folding what follows a convolution into its weights, in f64.
 //!
-//! Source: spec sections 1.1 (batch normalization) and 6.13 (the head's scalars).
+//! Source: docs/method.md, sections 1.1 (batch normalization) and 1.3 (the head's scalars).
 
 /// Added to the variance by every batch normalization of the network.
 pub const EPSILON: f64 = 1e-5;
@@ -30,7 +30,8 @@ pub struct BatchNorm {
 }
 
 impl Convolution {
-    /// Folds in a batch normalization: `w' = w g / sqrt(v + eps)`, `b' = (b - m) g / sqrt(v + eps) + beta`.
+    /// Folds in a batch normalization: `w' = w g / sqrt(v + eps)`, `b' = (b - m) g / sqrt(v + eps)
+    /// + beta`.
     pub fn fold_batch_norm(&mut self, bn: &BatchNorm) {
         let factors: Vec<f64> = bn
             .scale

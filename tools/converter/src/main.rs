@@ -94,9 +94,9 @@ fn to_pytorch(args: &Args) -> Result<String, Error> {
     let dict = StateDict::read(&args.checkpoint)?;
     if dict.folded {
         eprintln!(
-            "batch normalization is folded into this file's convolutions: its layers are written as ones that change nothing \
-             (weight 1, bias 0, mean 0, variance 0.99999). Evaluation is the same; before training on, convert a \
-             checkpoint of the trainer instead"
+            "batch normalization is folded into this file's convolutions: its layers are \
+             written as ones that change nothing (weight 1, bias 0, mean 0, variance 0.99999). \
+             Evaluation is the same; before training on, convert a checkpoint of the trainer instead"
         );
     }
     match &args.out {

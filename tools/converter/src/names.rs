@@ -1,6 +1,7 @@
 //! PyTorch's parameter names, and ours: the only file that knows the former.
 //!
-//! Source: spec section 1.5 (`state_dict` of video_analyst's SiamTrack), with `dr.e2.*` for the encoder.
+//! Source: docs/method.md, section 1.5 (`state_dict` of video_analyst's SiamTrack), with `dr.e2.*`
+//! for the encoder.
 
 /// The two scalars of the head: distances are `exp(si * o + bi) * 8`.
 pub const SCALARS: [&str; 2] = ["head.si", "head.bi"];
@@ -41,7 +42,8 @@ pub fn role(name: &str) -> Role {
     }
 }
 
-/// What wrappers put before a parameter's name: data parallelism, `torch.compile`, and modules that hold the network.
+/// What wrappers put before a parameter's name: data parallelism, `torch.compile`, and modules that
+/// hold the network.
 const WRAPPERS: [&str; 8] = [
     "module.",
     "_orig_mod.",

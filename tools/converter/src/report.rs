@@ -3,7 +3,8 @@
 use std::fmt::{self, Display, Formatter};
 use weights_format::{Architecture, LayerKind, Weights};
 
-/// A network layer by layer: kernel, channels, output sides, parameters as papers count them, multiply-accumulates.
+/// A network layer by layer: kernel, channels, output sides, parameters as papers count them,
+/// multiply-accumulates.
 #[derive(Clone, Copy, Debug)]
 pub struct Table<'a>(pub &'a Architecture);
 
@@ -89,8 +90,9 @@ impl Display for Table<'_> {
     }
 }
 
-/// How much rounding its weights to f16 changes the layer that suffers most: its tensor's name and the relative error
-/// (root of the sum of squares). Below about 0.001 for weights of ordinary size; more where they are subnormal in f16.
+/// How much rounding its weights to f16 changes the layer that suffers most: its tensor's name and
+/// the relative error (root of the sum of squares). Below about 0.001 for weights of ordinary size;
+/// more where they are subnormal in f16.
 pub fn f16_rounding(weights: &Weights) -> (&str, f64) {
     let error = |data: &[f32]| {
         let (mut lost, mut all) = (0.0, 0.0);

@@ -11,7 +11,8 @@ fn convert(bytes: &[u8]) -> Conversion {
     convert_bytes(bytes, &Options::default()).unwrap_or_else(|refusal| panic!("{refusal}"))
 }
 
-/// One output pixel of every channel, in f64, as PyTorch computes it: convolution, then BN, then the head's scalars.
+/// One output pixel of every channel, in f64, as PyTorch computes it: convolution, then BN, then
+/// the head's scalars.
 fn unfolded(dict: &StateDict, prefix: &str, patch: &[f32]) -> Vec<f64> {
     let get = |name: &str| {
         dict.get(&format!("{prefix}.{name}"))
@@ -47,7 +48,8 @@ fn unfolded(dict: &StateDict, prefix: &str, patch: &[f32]) -> Vec<f64> {
     values
 }
 
-/// The same from converted weights; the patch is `[Cin, k, k]`, the weights are `[Cout, k, k, Cin]`.
+/// The same from converted weights; the patch is `[Cin, k, k]`, the weights are `[Cout, k, k,
+/// Cin]`.
 fn folded(weights: &Weights, layer: &str, patch: &[f32]) -> Vec<f64> {
     let weight = weights.tensor(&format!("{layer}.weight")).unwrap();
     let bias = weights.tensor(&format!("{layer}.bias")).unwrap();
@@ -347,7 +349,8 @@ fn newer_protocols() {
     );
 }
 
-/// A checkpoint with the state dict under `model_state_dict` and, under `beside`, what the pickle `object` makes.
+/// A checkpoint with the state dict under `model_state_dict` and, under `beside`, what the pickle
+/// `object` makes.
 fn beside(dict: &StateDict, beside: &str, object: impl FnOnce(Pickle) -> Pickle) -> Vec<u8> {
     let form = Form {
         wrapper: Some("model_state_dict"),

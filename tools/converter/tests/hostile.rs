@@ -1,4 +1,5 @@
-//! Checkpoints that want more than to be read: each is refused with a message that names what is wrong.
+//! Checkpoints that want more than to be read: each is refused with a message that names what is
+//! wrong.
 
 mod common;
 
@@ -852,7 +853,10 @@ proptest! {
     }
 
     #[test]
-    fn bytes_changed(changes in prop::collection::vec((any::<Index>(), any::<u8>()), 1..5), legacy in any::<bool>()) {
+    fn bytes_changed(
+        changes in prop::collection::vec((any::<Index>(), any::<u8>()), 1..5),
+        legacy in any::<bool>(),
+    ) {
         let mut bytes = checkpoint(&network(), Form { legacy, ..PLAIN });
         for (at, byte) in changes {
             let at = at.index(bytes.len());
@@ -862,7 +866,9 @@ proptest! {
     }
 
     #[test]
-    fn bytes_of_the_pickle_changed(changes in prop::collection::vec((any::<Index>(), any::<u8>()), 1..4)) {
+    fn bytes_of_the_pickle_changed(
+        changes in prop::collection::vec((any::<Index>(), any::<u8>()), 1..4),
+    ) {
         let (mut pickle, storages) = pickle(&network(), PLAIN);
         for (at, byte) in changes {
             let at = at.index(pickle.len());

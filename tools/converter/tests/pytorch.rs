@@ -125,7 +125,7 @@ fn there_and_back_again_is_bit_by_bit() {
 fn the_full_network_has_the_tensors_of_the_reference() {
     let architecture = Architecture::new(Widths::pruned(0.8), None);
     let dict = StateDict::of_weights(&Weights::random(architecture, 1));
-    assert_eq!(dict.entries.len(), 108); // spec section 1.5
+    assert_eq!(dict.entries.len(), 108); // docs/method.md, section 1.5
     let shape = |name: &str| {
         dict.entries
             .iter()
@@ -189,7 +189,8 @@ fn folded_weights_come_with_normalizations_that_change_nothing() {
 #[test]
 fn the_program_says_what_it_does() {
     let folder = Folder::new("said");
-    let [weights, pth, other] = ["w.safetensors", "w.pth", "w.onnx"].map(|name| folder.at(name));
+    let names = ["w.safetensors", "w.pth", "again.pth", "w.onnx"];
+    let [weights, pth, again, other] = names.map(|name| folder.at(name));
     Weights::random(Architecture::new(Widths::pruned(0.9), None), 3)
         .write(Path::new(&weights))
         .unwrap();
@@ -209,7 +210,7 @@ fn the_program_says_what_it_does() {
             "ends in .pth",
         ),
         (
-            vec![&pth[..], "--to", "pytorch", "--out", &pth],
+            vec![&pth[..], "--to", "pytorch", "--out", &again],
             4,
             "a weights file or a checkpoint of the trainer",
         ),
@@ -257,7 +258,9 @@ fn torch_loads_it_without_trusting_it() {
         d = torch.load(sys.argv[1], weights_only=True)\n\
         assert d['basemodel.conv1.bn.num_batches_tracked'].dtype == torch.int64\n\
         for k, v in d.items():\n    \
-            if v.dtype == torch.float32: print(k, list(v.shape), v.contiguous().flatten().view(torch.int32).sum(dtype=torch.int64).item())\n";
+            if v.dtype == torch.float32:\n        \
+                bits = v.contiguous().flatten().view(torch.int32)\n        \
+                print(k, list(v.shape), bits.sum(dtype=torch.int64).item())\n";
     let output = Command::new(python)
         .args(["-c", script, &path])
         .output()

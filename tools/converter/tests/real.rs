@@ -31,7 +31,8 @@ fn a_real_checkpoint() {
         header.provenance.source,
         "PyTorch checkpoint drmim_p50_probe.pth"
     );
-    // The checkpoint's 2,573,236 less BN's scales and shifts and the two scalars (spec section 1.6), and the encoder's BN.
+    // The checkpoint's 2,573,236 less BN's scales and shifts and the two scalars (docs/method.md,
+    // section 1.6), and the encoder's BN.
     let values: usize = conversion
         .weights
         .tensors()

@@ -9,7 +9,7 @@
 //! | pickle | the list of storage keys |
 //! | per key | number of elements (i64), then the elements |
 //!
-//! Source: `torch.serialization._legacy_save`, spec section 1.5.
+//! Source: `torch.serialization._legacy_save`, docs/method.md, section 1.5.
 
 use super::{
     Heap, Id, Storages, dict,

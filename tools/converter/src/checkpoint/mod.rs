@@ -26,8 +26,9 @@ pub struct Checkpoint<'a> {
 impl<'a> Checkpoint<'a> {
     /// Reads the structure of a checkpoint: a zip archive, a legacy stream or a safetensors file.
     ///
-    /// The state dict is the whole file, or it lies under one of [`names::STATE_DICT_KEYS`] or another key, up to
-    /// [`MAX_DEPTH`] dicts deep. Names lose what wrappers put before them ([`names::bare`]).
+    /// The state dict is the whole file, or it lies under one of [`names::STATE_DICT_KEYS`] or
+    /// another key, up to [`MAX_DEPTH`] dicts deep. Names lose what wrappers put before them
+    /// ([`names::bare`]).
     ///
     /// # Errors
     /// Says which part of the file, which byte of the pickle or which key is not acceptable.
@@ -77,8 +78,8 @@ impl<'a> Checkpoint<'a> {
     /// Values of a tensor, row-major.
     ///
     /// # Errors
-    /// If there is no such tensor, it has another shape or an integer type, its storage is not as long as the pickle
-    /// says, or a value is not finite.
+    /// If there is no such tensor, it has another shape or an integer type, its storage is not as
+    /// long as the pickle says, or a value is not finite.
     pub fn load(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f64>, Refusal> {
         let place = || format!("tensor {name:?}");
         let Some(tensor) = self.tensors.get(name) else {
@@ -144,7 +145,8 @@ struct StateDict {
 }
 
 impl StateDict {
-    /// The first dict that has a tensor of the network; without one, the dict under the first known key, or the root.
+    /// The first dict that has a tensor of the network; without one, the dict under the first known
+    /// key, or the root.
     fn find(heap: &Heap, root: Id) -> Result<StateDict, Refusal> {
         let entries = match heap.get(root) {
             Value::Opaque(name) => {

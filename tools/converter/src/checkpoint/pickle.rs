@@ -1,12 +1,15 @@
-//! Pickle read as data: a stack machine that builds plain values and knows a handful of names, and calls nothing.
+//! Pickle read as data: a stack machine that builds plain values and knows a handful of names, and
+//! calls nothing.
 //!
-//! Values live in one [`Heap`] and refer to each other by index, so that neither cycles nor deep nesting can hurt:
-//! nothing here or behind it recurses. Every opcode adds at most one value of bounded size, or moves values that others
-//! added, so time and memory are proportional to the input's length.
+//! Values live in one [`Heap`] and refer to each other by index, so that neither cycles nor deep
+//! nesting can hurt: nothing here or behind it recurses. Every opcode adds at most one value of
+//! bounded size, or moves values that others added, so time and memory are proportional to the
+//! input's length.
 //!
-//! A checkpoint may carry other things beside its tensors, such as a run's arguments. An object of an unknown class stays
-//! [`Value::Opaque`]: a name without content. No class is looked up, nothing is called. A pickle that calls something that
-//! runs code, such as `os.system`, is refused all the same, because its other readers would run it.
+//! A checkpoint may carry other things beside its tensors, such as a run's arguments. An object of
+//! an unknown class stays [`Value::Opaque`]: a name without content. No class is looked up, nothing
+//! is called. A pickle that calls something that runs code, such as `os.system`, is refused all the
+//! same, because its other readers would run it.
 //!
 //! Source: Python's `pickletools`, protocols 0 to 5 as far as `torch.save` uses them.
 
@@ -14,7 +17,8 @@ use super::torch::{self, Global, StorageRef, TensorRef};
 use crate::error::{Refusal, brief};
 use std::collections::HashMap;
 
-/// Longest pickle accepted; that of a checkpoint with optimizer state has about a hundred kilobytes.
+/// Longest pickle accepted; that of a checkpoint with optimizer state has about a hundred
+/// kilobytes.
 pub const MAX_BYTES: usize = 2 << 20;
 
 /// Index of a value in a [`Heap`].
@@ -247,8 +251,8 @@ impl Machine<'_> {
             }
             b'R' => self.reduce()?,
             b'b' => {
-                // Attributes do not matter to us: neither an OrderedDict's (`_metadata` of a state dict) nor those of
-                // an object of an unknown class.
+                // Attributes do not matter to us: neither an OrderedDict's (`_metadata` of a state
+                // dict) nor those of an object of an unknown class.
                 self.pop()?;
                 let object = self.top()?;
                 if !matches!(self.heap.get(object), Value::Dict(_) | Value::Opaque(_)) {

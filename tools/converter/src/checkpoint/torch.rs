@@ -1,4 +1,5 @@
-//! The few things of PyTorch that a state dict is made of: storages, tensors, and the functions that rebuild them.
+//! The few things of PyTorch that a state dict is made of: storages, tensors, and the functions
+//! that rebuild them.
 
 use super::pickle::{Heap, Id, Value};
 use crate::error::Refusal;
@@ -80,7 +81,8 @@ pub fn global(module: &str, name: &str) -> Option<Global> {
 
 /// Whether a global of that qualified name runs code or reads files when it is called.
 ///
-/// Nothing is called here, whatever the name. The list is a courtesy to whoever opens the checkpoint with Python next.
+/// Nothing is called here, whatever the name. The list is a courtesy to whoever opens the
+/// checkpoint with Python next.
 pub fn runs_code(name: &str) -> bool {
     const MODULES: [&str; 17] = [
         "os",
@@ -155,8 +157,8 @@ impl TensorRef {
     /// Most elements of a tensor that repeats those of its storage (`expand`, stride 0).
     const MAX_REPEATED: usize = 1 << 24;
 
-    /// Checks that every element lies within the storage. There are no more of them than the storage has, unless a stride
-    /// of 0 repeats them.
+    /// Checks that every element lies within the storage. There are no more of them than the
+    /// storage has, unless a stride of 0 repeats them.
     fn new(
         storage: StorageRef,
         offset: usize,
@@ -251,7 +253,8 @@ const MAX_ITEMS: usize = 8;
 /// Longest key of a storage: every tensor carries a copy.
 const MAX_KEY: usize = 64;
 
-/// The storage that a persistent id stands for: `("storage", type, key, location, elements[, None])`.
+/// The storage that a persistent id stands for: `("storage", type, key, location, elements[,
+/// None])`.
 pub fn storage(heap: &Heap, id: Id) -> Result<StorageRef, Refusal> {
     let wrong = |found: &Value| Refusal::new("persistent id", "one of a storage", found.kind());
     let items = match heap.get(id) {

@@ -1,4 +1,5 @@
-//! The zip archive of torch 1.6 and later: `<name>/data.pkl`, `<name>/data/<key>`, and perhaps `<name>/byteorder`.
+//! The zip archive of torch 1.6 and later: `<name>/data.pkl`, `<name>/data/<key>`, and perhaps
+//! `<name>/byteorder`.
 
 use super::{Heap, Id, MAX_BYTES, Storages, pickle};
 use crate::error::Refusal;
@@ -83,8 +84,8 @@ impl Entries<'_> {
         }
     }
 
-    /// An entry of at most `most` bytes; neither what the archive says about its size nor what the compressed bytes
-    /// make of it is believed beyond that.
+    /// An entry of at most `most` bytes; neither what the archive says about its size nor what the
+    /// compressed bytes make of it is believed beyond that.
     fn optional(&mut self, name: &str, most: usize) -> Result<Option<Vec<u8>>, Refusal> {
         let full = format!("{}{name}", self.root);
         let place = || format!("zip entry {full:?}");

@@ -18,8 +18,8 @@ use safetensors::SafeTensors;
 use std::{collections::BTreeMap, path::Path};
 use weights_format::{Architecture, InputNormalization, Layer, Tensor, Unfolded, Weights};
 
-/// The variance with which a normalization of scale 1, shift 0 and mean 0 leaves f32 values as they are: 1 less what
-/// PyTorch adds to it.
+/// The variance with which a normalization of scale 1, shift 0 and mean 0 leaves f32 values as they
+/// are: 1 less what PyTorch adds to it.
 const IDENTITY_VARIANCE: f32 = 1.0 - 1e-5;
 
 /// Values of a state dict's tensor.
@@ -33,18 +33,20 @@ pub enum Values {
 
 /// Named tensors in PyTorch's layout (OIHW), in the order of the network.
 ///
-/// The network expects pixels as they are, BGR in 0..=255, as video_analyst feeds them: whatever else ours was trained on
-/// is rewritten into its first convolution.
+/// The network expects pixels as they are, BGR in 0..=255, as video_analyst feeds them: whatever
+/// else ours was trained on is rewritten into its first convolution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateDict {
     /// Name, shape and values.
     pub entries: Vec<(String, Vec<usize>, Values)>,
-    /// Whether normalizations were folded in already, and so are written as ones that change nothing.
+    /// Whether normalizations were folded in already, and so are written as ones that change
+    /// nothing.
     pub folded: bool,
 }
 
 impl StateDict {
-    /// The network of a weights file, of a checkpoint of the trainer, or of what [`unfold`](crate::unfold) made.
+    /// The network of a weights file, of a checkpoint of the trainer, or of what
+    /// [`unfold`](crate::unfold) made.
     ///
     /// # Errors
     /// If the file cannot be read or is none of these.
@@ -73,7 +75,8 @@ impl StateDict {
         })
     }
 
-    /// The network of a weights file: normalizations and the head's scalars, which are folded in, change nothing.
+    /// The network of a weights file: normalizations and the head's scalars, which are folded in,
+    /// change nothing.
     ///
     /// Expects weights that passed [`Weights::check`].
     pub fn of_weights(weights: &Weights) -> StateDict {

@@ -27,8 +27,8 @@ impl Values {
 }
 
 impl StateDict {
-    /// Writes a file, beside its place first, then renamed: safetensors if its name ends so, otherwise a zip archive that
-    /// `torch.load` reads, also with `weights_only`.
+    /// Writes a file, beside its place first, then renamed: safetensors if its name ends so,
+    /// otherwise a zip archive that `torch.load` reads, also with `weights_only`.
     ///
     /// # Errors
     /// If the file system refuses.

@@ -59,7 +59,8 @@ pub fn add_layer(dict: &mut StateDict, prefix: &str, shape: [usize; 4], bn: bool
     }
 }
 
-/// PyTorch name, our name, kernel, input, output, BN of every layer but the encoder's; `e` is what reaches the neck.
+/// PyTorch name, our name, kernel, input, output, BN of every layer but the encoder's; `e` is what
+/// reaches the neck.
 pub fn layers(e: usize) -> Vec<(String, String, usize, usize, usize, bool)> {
     let mut layers = Vec::new();
     let mut input = 3;
