@@ -95,7 +95,8 @@ pub struct RunArgs {
     /// frames [default: 60].
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "tracker")]
     pub timeout: Option<Duration>,
-    /// Weights file, or a built-in model: drmim-p50 (default) or drmim-p75, less than a third of its work.
+    /// Weights file, or a built-in model: drmim-p50 (default) or drmim-p75, less than a third of
+    /// its work.
     #[arg(short, long, value_name = "FILE", conflicts_with = "tracker")]
     pub model: Option<PathBuf>,
     /// What the tracker is called [default: track-cpu, or the program's name].
@@ -140,7 +141,8 @@ pub struct StepArgs {
     /// The folder it lies in.
     #[arg(long, value_name = "DIR")]
     pub root: PathBuf,
-    /// Weights file, or a built-in model: drmim-p50 (default) or drmim-p75, less than a third of its work.
+    /// Weights file, or a built-in model: drmim-p50 (default) or drmim-p75, less than a third of
+    /// its work.
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Print JSON.

@@ -170,7 +170,7 @@ impl NewFile {
                 return Ok(NewFile { file, part, place });
             }
             Some(_) => {
-                // A file that its owner protected is not replaced, though its folder would allow it.
+                // A protected file is not replaced, though its folder would allow it.
                 File::options().write(true).open(&place)?;
             }
             None => {}

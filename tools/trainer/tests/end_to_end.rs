@@ -141,7 +141,8 @@ fn train_and_track(name: &str, seeds: &[u64], frames: usize, options: &[&str]) -
 #[test]
 fn tiny_network_tracks_its_training_flight() {
     let options = "--ratio 0.9 --search-size 223 --early-share 0 --augment light --negatives 0 \
-                   --no-mi --no-identity --steps 110 --batch 8 --rate 0.003 --estimation-batches 4 --data-threads 2";
+                   --no-mi --no-identity --steps 110 --batch 8 --rate 0.003 \
+                   --estimation-batches 4 --data-threads 2";
     let options: Vec<_> = options.split_whitespace().collect();
     let [tracked, still] = train_and_track("short", &[13], 24, &options);
     assert!(

@@ -1,7 +1,10 @@
 //! The gradient of a convolution's weights, in register tiles.
 //!
-//! `dw[ky, j, o] = sum over images and output positions of g[y, x, o] * x_row[y s + ky][x s Cin + j]`,
-//! where `j = kx Cin + i` runs over the `k Cin` contiguous inputs of one row of the window: as in
+//! ```text
+//! dw[ky, j, o] = sum over images and output positions of g[y, x, o] * x_row[y s + ky][x s Cin + j]
+//! ```
+//!
+//! Here `j = kx Cin + i` runs over the `k Cin` contiguous inputs of one row of the window: as in
 //! the forward kernel, no patch has to be gathered. One tile is up to 9 inputs `j` x up to 3
 //! vectors of output channels, summed in registers over a strip of output positions:
 //!
