@@ -6,7 +6,7 @@ use crate::dataset::{Dataset, Sequence, matched, name_beside, pictures, ranges};
 use crate::error::Error;
 use crate::folder::{file_name, last_names};
 use crate::notes::Notes;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// All sequences below a folder, by name: `<data set>/<sequence>`.
@@ -34,10 +34,28 @@ pub fn find(root: &Path, notes: &mut Notes) -> Result<Vec<Sequence>, Error> {
         }
     }
     let mut sequences = Vec::new();
+    // Folders whose pictures are used, or whose sequence is noted as left out.
+    let mut known: BTreeSet<PathBuf> = BTreeSet::new();
     for ((folder, name), paths) in annotations {
+        if paths.iter().any(|path| is_groundtruth(path)) {
+            known.insert(folder.clone());
+        }
         match sequence(&name, &paths, &tree, notes) {
-            Ok((annotation, frames)) => sequences.extend(matched(annotation, frames, notes)),
+            Ok((annotation, frames)) => {
+                known.extend(
+                    frames
+                        .iter()
+                        .filter_map(|f| f.parent())
+                        .map(Path::to_path_buf),
+                );
+                sequences.extend(matched(annotation, frames, notes));
+            }
             Err(reason) => notes.add(folder.join(&name).display(), reason),
+        }
+    }
+    for pictures in tree.pictures.keys() {
+        if !pictures.ancestors().any(|folder| known.contains(folder)) {
+            notes.add(pictures.display(), "pictures without an annotation");
         }
     }
     sequences.sort_by(|a, b| a.annotation.name.cmp(&b.annotation.name));

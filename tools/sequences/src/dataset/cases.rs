@@ -96,6 +96,16 @@ const CASES: &[Case] = &[
         ],
     },
     Case {
+        name: "pictures without an annotation",
+        dataset: Dataset::Folder,
+        change: |folder| {
+            pictures(folder, "a/img", "jpg");
+            folder.write("a/gt.txt", boxes());
+        },
+        expected: &[("b", 8)],
+        words: &["a/img: pictures without a groundtruth*.txt"],
+    },
+    Case {
         name: "two annotations of one sequence",
         dataset: Dataset::Folder,
         change: |folder| {
@@ -202,12 +212,12 @@ fn folders_as_users_hand_them_in_are_read_or_named() {
 fn root_without_annotations_names_the_files_that_are_searched() {
     let folder = Folder::new("case");
     pictures(&folder, "a/img", "jpg");
+    folder.write("a/gt.txt", boxes());
 
     let error = Dataset::Folder.load(folder.path(), &mut Notes::default());
 
     let message = error.unwrap_err().to_string();
-    assert!(
-        message.contains("annotations of folder (<sequence>/groundtruth*.txt)"),
-        "{message}"
-    );
+    let expected = "annotations of folder (<sequence>/groundtruth*.txt), found none \
+                    (but texts: a/gt.txt)";
+    assert!(message.contains(expected), "{message}");
 }

@@ -18,7 +18,7 @@ pub(crate) mod tree;
 
 use crate::annotation::{Annotation, is_groundtruth, none_because, sequence_name, single};
 use crate::error::Error;
-use crate::folder::file_name;
+use crate::folder::{file_name, last_names};
 use crate::notes::Notes;
 use crate::text;
 use std::collections::BTreeMap;
@@ -151,6 +151,9 @@ impl Dataset {
                 Err(reason) => arisen.add(name, format!("left out: {reason}")),
             }
         }
+        if self.is_beside() {
+            self.note_unannotated(root, &tree, &mut arisen);
+        }
         if sequences.is_empty() {
             let expected = format!("pictures of {}", self.name());
             return Err(Error::content(root, expected, none_because(&arisen)));
@@ -165,6 +168,22 @@ impl Dataset {
     /// If a file cannot be used.
     pub fn attributes(self, root: &Path) -> Result<Attributes, Error> {
         attributes::read(self, &Tree::read(root)?)
+    }
+
+    /// Notes the folders of pictures that no annotation belongs to.
+    fn note_unannotated(self, root: &Path, tree: &Tree, notes: &mut Notes) {
+        let annotations = self.annotation_files(tree);
+        let folders: Vec<&Path> = annotations
+            .values()
+            .flatten()
+            .filter_map(|path| path.parent())
+            .collect();
+        for pictures in tree.pictures.keys() {
+            if !folders.iter().any(|folder| pictures.starts_with(folder)) {
+                let name = pictures.strip_prefix(root).unwrap_or(pictures);
+                notes.add(name.display(), "pictures without a groundtruth*.txt");
+            }
+        }
     }
 
     /// Every sequence's annotation with its file.
@@ -189,7 +208,14 @@ impl Dataset {
                 "anno/<sequence>.txt"
             };
             let expected = format!("annotations of {} ({files})", self.name());
-            return Err(Error::content(root, expected, none_because(&arisen)));
+            let texts = tree.texts.iter().take(3).map(|path| last_names(path, 2));
+            let texts: Vec<String> = texts.collect();
+            let found = if arisen.count() == 0 && !texts.is_empty() {
+                format!("none (but texts: {})", texts.join(", "))
+            } else {
+                none_because(&arisen)
+            };
+            return Err(Error::content(root, expected, found));
         }
         if let Some(expected) = self.sequences().filter(|expected| *expected != read.len()) {
             let found = read.len();

@@ -71,6 +71,30 @@ fn sequences_of_every_layout_are_found_at_once() {
 }
 
 #[test]
+fn pictures_without_an_annotation_are_noted() {
+    let folder = Folder::new("find");
+    pictures(&folder, "set/a/img", 3);
+    annotate(&folder, "set/a/gt.txt", 3);
+    pictures(&folder, "set/b/visible", 3);
+    annotate(&folder, "set/b/groundtruth.txt", 3);
+    let mut notes = Notes::default();
+
+    let found = find(folder.path(), &mut notes).unwrap();
+
+    assert_eq!(found, []);
+    let text = notes.to_string();
+    assert!(
+        text.contains("set/a/img: pictures without an annotation"),
+        "{text}"
+    );
+    assert!(
+        text.contains("b: no pictures in b/img, b/imgs, b/color or b"),
+        "{text}"
+    );
+    assert_eq!(notes.count(), 2, "{text}");
+}
+
+#[test]
 fn sequence_annotated_twice_is_left_out_with_a_note() {
     let folder = Folder::new("find");
     pictures(&folder, "set/a/img", 3);
