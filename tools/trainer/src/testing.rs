@@ -1,5 +1,8 @@
 //! Helpers of tests.
 
+use crate::data::picture::Picture;
+use std::sync::Arc;
+
 pub use ::testing::{Folder, shared};
 
 /// A few pictures of colored rectangles with boxes, as an annotation file.
@@ -24,4 +27,9 @@ pub fn pictures(folder: &Folder) -> String {
     let file = folder.path().join("boxes.csv");
     std::fs::write(&file, text).unwrap();
     file.display().to_string()
+}
+
+/// A picture of one gray value.
+pub fn plain(value: u8, width: usize, height: usize) -> Arc<Picture> {
+    Arc::new(Picture::new(width, height, vec![value; 3 * width * height]))
 }

@@ -7,7 +7,9 @@
 //! | `tracks`, `pairs` | targets and their frames; which two make a pair |
 //! | `picture` | decoded pictures, kept in memory within a bound |
 //! | `flights` | rendered flights |
-//! | `paste` | things cut out of pictures and pasted into others |
+//! | `cutout` | parts cut out of pictures |
+//! | `paste` | what is pasted into the search picture around its target |
+//! | `synthetic` | pairs of a cutout before two backgrounds |
 //! | `geometry`, `warp` | from a target in a picture to its crops |
 //! | `augment`, `photo`, `filters` | what is changed about them |
 //! | `feed` | batches made ahead, on threads of their own |
@@ -15,6 +17,7 @@
 //! Sample number `i` depends on the seed and `i` only.
 
 pub mod augment;
+pub mod cutout;
 pub mod feed;
 pub mod filters;
 pub mod flights;
@@ -27,16 +30,18 @@ pub mod rows;
 pub mod sequences;
 pub mod skipped;
 pub mod spec;
+pub mod synthetic;
 pub mod tracks;
 pub mod warp;
 
 use crate::error::Error;
 use crate::rng::Rng;
 use augment::Augment;
+use cutout::{Cutout, textured_box};
 use flights::Flights;
 use geometry::{Corners, Pose, View};
 use pairs::PairRules;
-use paste::{Crowd, Cutout};
+use paste::Crowd;
 use picture::{Album, Picture, PictureId};
 use serde::{Deserialize, Serialize};
 use skipped::Skipped;
@@ -297,7 +302,7 @@ impl Dataset {
             Source::Patches(pictures) => {
                 let picture = self.album.get(*rng.pick(pictures))?;
                 let (aspect, side) = (rng.factor(0.5), rng.log_range(16.0, 80.0));
-                let bbox = paste::textured_box(&picture, aspect, side, rng);
+                let bbox = textured_box(&picture, aspect, side, rng);
                 let view = View { picture, bbox };
                 pair(view.clone(), view, true)
             }
@@ -314,7 +319,8 @@ impl Dataset {
                     cutout = cutout.rounded(rng);
                 }
                 let bends = rng.sometimes(self.options.augment.bend);
-                let (first, second) = paste::made_up_pair([&first, &second], &cutout, bends, rng)?;
+                let (first, second) =
+                    synthetic::made_up_pair([&first, &second], &cutout, bends, rng)?;
                 let distractors = *rng.pick(&[0, 0, 1, 1, 2, 3]);
                 Some(Pair {
                     first,
