@@ -12,6 +12,9 @@ use std::path::Path;
 /// Prints the diagnosis and writes contact sheets of losses.
 pub fn run(args: &DiagnoseArgs) -> Result<(), Error> {
     let truth = &args.trackers.truth;
+    if let Some(out) = &args.out {
+        super::spare(out, &super::read_by(&args.trackers))?;
+    }
     let comparison = super::compare::read(&args.trackers)?;
     let diagnosis = diagnose(&comparison);
     if let Some(out) = &args.out {
