@@ -368,6 +368,13 @@ fn boxes_and_models() -> Vec<Case> {
             sequence,
         )
         .expect(normalized),
+        #[cfg(feature = "serve")]
+        Case::new(
+            "box in shares of the frame for serve",
+            "serve -i seq --init 0.125,0.33,0.15,0.15 --every-frame",
+            sequence,
+        )
+        .expect(normalized),
         Case::new(
             "box of one pixel that is not in the corner",
             "track -i seq --init 20,40,1,1",

@@ -100,6 +100,9 @@ fn kind(location: &Path, raw: Option<RawFormat>) -> Result<Kind, String> {
 
 fn open_source(input: &Input) -> Result<Box<dyn Frames>, String> {
     let source = Source::open(input).map_err(|error| error.to_string())?;
+    if let Some(note) = source.note() {
+        let _ = writeln!(std::io::stderr(), "note: {note}");
+    }
     Ok(Box::new(SourceFrames { source }))
 }
 

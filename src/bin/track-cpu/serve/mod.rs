@@ -15,11 +15,15 @@ pub mod replay;
 use station::Station;
 
 use crate::exit::Failure;
+use crate::follow::check_pixels;
 use args::ServeArgs;
 use engine::TrackerEngine;
 
 /// Runs `serve`.
 pub fn run(args: &ServeArgs) -> Result<(), Failure> {
+    if let Some(bbox) = args.init {
+        check_pixels(bbox)?;
+    }
     let model = args.engine.model(args.model.name())?;
     let (feed, repeats) = feed::open(args).map_err(station::Error::Source)?;
     let options = args.options(&model, repeats);
