@@ -100,8 +100,17 @@ def shares(state):
     return x / w, y / h, (x + bw) / w, (y + bh) / h
 
 
+def wait_for(page, holds, seconds=20):
+    """Waits for an expression. Playwright's own way needs eval, which the page forbids."""
+    end = time.time() + seconds
+    while not page.evaluate(holds):
+        if time.time() > end:
+            raise TimeoutError(holds)
+        time.sleep(0.05)
+
+
 def wait_for_video(page):
-    page.wait_for_function("shown !== null", timeout=20000)
+    wait_for(page, "shown !== null")
 
 
 def frame_on_screen(page):
@@ -144,12 +153,12 @@ def desktop(browser, program):
     check("the state is told", told and not page.is_visible("#banner"))
     page.click("#stop")
     check("stop stops", program.until(lambda s: s["state"] == "idle"))
-    page.wait_for_function("document.getElementById('state').textContent === 'idle'")
+    wait_for(page, "document.getElementById('state').textContent === 'idle'")
     time.sleep(0.5)
     check("nothing is drawn any more", drawn(page) is None)
 
     page.click("#freeze")
-    page.wait_for_function("frozen")
+    wait_for(page, "frozen")
     check("a frozen picture has full resolution", page.evaluate("shown.bitmap.width") == 640)
     for _ in range(3):
         page.click("#in")
@@ -205,14 +214,14 @@ def stale(browser, executable):
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     page.goto(program.page)
     wait_for_video(page)
-    page.wait_for_function("document.getElementById('banner').hidden")
+    wait_for(page, "document.getElementById('banner').hidden")
     running = False
     feeder.join()
     said = "document.getElementById('banner').textContent"
-    page.wait_for_function(f"{said}.startsWith('No video for')", timeout=10000)
+    wait_for(page, f"{said}.startsWith('No video for')")
     check("a silent source is shown as such: " + page.inner_text("#banner"), page.is_visible("#banner"))
     program.end()
-    page.wait_for_function(f"{said}.startsWith('No connection for')", timeout=10000)
+    wait_for(page, f"{said}.startsWith('No connection for')")
     box = page.locator("#banner").bounding_box()
     check("an ended program is shown as such", box["y"] < 200 and page.locator("#state").get_attribute("class") == "stale")
     page.close()
@@ -230,7 +239,7 @@ def rebinding(browser, program):
 def unauthorized(browser, program):
     page = browser.new_page()
     page.goto(f"http://{program.address}/")
-    page.wait_for_function("document.getElementById('note').textContent.startsWith('Watching only')")
+    wait_for(page, "document.getElementById('note').textContent.startsWith('Watching only')")
     wait_for_video(page)
     drag(page, (0.45, 0.4, 0.55, 0.55))
     time.sleep(1)

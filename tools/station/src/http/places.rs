@@ -2,19 +2,24 @@
 //!
 //! A request that has not arrived holds a place. If there are none left, the connection that has
 //! waited for longest loses its place: a whole request arrives at once, while a slow one that was
-//! sent to hold a place is thrown out by the next. Requests with the token are always answered.
+//! sent to hold a place is thrown out by the next. Connections that have just come are spared as
+//! long as that is possible. Requests with the token are always answered.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Shutdown, TcpStream};
-use std::sync::Arc;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use crate::hub::lock;
 
 /// Most connections whose request has not arrived.
-const MAX_WAITING: usize = 48;
+const MAX_WAITING: usize = 128;
 /// Most of them from one address.
-const MAX_WAITING_EACH: usize = 12;
+const MAX_WAITING_EACH: usize = 48;
+/// How many from one address may hold a place for longer than [`GRACE`].
+const MAX_SLOW_EACH: usize = 12;
+/// How long a request may take to arrive without being slow.
+const GRACE: Duration = Duration::from_millis(300);
 /// Most requests without the token that are answered at a time.
 const MAX_ANSWERING: usize = 32;
 /// Most streams without the token, videos and events together.
@@ -31,9 +36,17 @@ pub struct Places(Arc<Mutex<Taken>>);
 #[derive(Debug, Default)]
 struct Taken {
     next: u64,
-    waiting: BTreeMap<u64, (IpAddr, TcpStream)>, // oldest first
+    waiting: BTreeMap<u64, Waiting>, // oldest first
     answering: usize,
     streams: BTreeMap<IpAddr, usize>,
+}
+
+/// A connection whose request has not arrived.
+#[derive(Debug)]
+struct Waiting {
+    from: IpAddr,
+    stream: TcpStream,
+    since: Instant,
 }
 
 /// The place of a connection whose request has not arrived.
@@ -59,25 +72,19 @@ impl Places {
     pub fn enter(&self, stream: &TcpStream, from: IpAddr) -> Option<Place> {
         let handle = stream.try_clone().ok()?;
         let mut taken = lock(&self.0);
-        let mut of_address = taken
-            .waiting
-            .iter()
-            .filter(|(_, (address, _))| *address == from)
-            .map(|(number, _)| *number);
-        let oldest_of_address = of_address.next();
-        let is_full_for_address = of_address.count() + 1 >= MAX_WAITING_EACH;
-        let oldest = taken.waiting.keys().next().copied();
-        let loser = if is_full_for_address {
-            oldest_of_address
-        } else {
-            oldest.filter(|_| taken.waiting.len() >= MAX_WAITING)
-        };
-        if let Some((_, stream)) = loser.and_then(|number| taken.waiting.remove(&number)) {
-            let _ = stream.shutdown(Shutdown::Both); // its thread ends with it
+        if let Some(loser) = taken.loser(from)
+            && let Some(waiting) = taken.waiting.remove(&loser)
+        {
+            let _ = waiting.stream.shutdown(Shutdown::Both); // its thread ends with it
         }
         let number = taken.next;
         taken.next += 1;
-        taken.waiting.insert(number, (from, handle));
+        let waiting = Waiting {
+            from,
+            stream: handle,
+            since: Instant::now(),
+        };
+        taken.waiting.insert(number, waiting);
         Some(Place {
             number,
             taken: Arc::clone(&self.0),
@@ -102,6 +109,26 @@ impl Places {
             from,
             taken: Arc::clone(&self.0),
         })
+    }
+}
+
+impl Taken {
+    /// The connection that makes room for a new one from an address, if one must.
+    fn loser(&self, from: IpAddr) -> Option<u64> {
+        let mut of_address = self
+            .waiting
+            .iter()
+            .filter(|(_, waiting)| waiting.from == from);
+        let oldest = of_address.next();
+        let count = of_address.count() + 1;
+        if let Some((number, waiting)) = oldest
+            && (count >= MAX_WAITING_EACH
+                || count >= MAX_SLOW_EACH && waiting.since.elapsed() > GRACE)
+        {
+            return Some(*number);
+        }
+        let is_full = self.waiting.len() >= MAX_WAITING;
+        self.waiting.keys().next().copied().filter(|_| is_full)
     }
 }
 
