@@ -38,7 +38,7 @@ def check(what, passed):
 class Program:
     def __init__(self, program, *options, source=("--input", FLIGHT, "--fps", FPS), **pipes):
         command = [program, "serve", *source, "--quiet", "--http", "127.0.0.1:0", *options]
-        command += ["--model", "drmim-p82", "--max-age-ms", "2000"]
+        command += ["--model", "drmim-p75", "--max-age-ms", "2000"]
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE, **pipes)
         for line in self.process.stderr:
             if found := re.search(r"web page: (http://([^/]+)/#(\S+))", line.decode()):

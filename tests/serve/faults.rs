@@ -34,7 +34,7 @@ fn gimbal_rests_and_every_output_says_so_when_frames_stop() {
     let page = Page::new();
     let mut command = Command::new(PROGRAM);
     command.arg("serve").args(PipeCamera::OPTIONS);
-    command.args(["--model", "drmim-p82", "--max-age-ms", "1000"]);
+    command.args(["--model", "drmim-p75", "--max-age-ms", "1000"]);
     command.args(["--stall-ms", "1500", "--log", &log]);
     command.args(["--mavlink", &address, "--gimbal", "--hfov", "62"]);
     command.args(page.options()).env("NOTIFY_SOCKET", &socket);
@@ -179,7 +179,7 @@ fn full_disk_is_said_once_and_tracking_goes_on() {
         let limit = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
         let output = Command::new("sh")
             .args(["-c", &limit, "sh", PROGRAM, "serve", "--input", &input])
-            .args(["--init", "140,70,40,30", "--model", "drmim-p82"])
+            .args(["--init", "140,70,40,30", "--model", "drmim-p75"])
             .args(["--every-frame", "--log", &log, "--log-frames", &frames])
             .output()
             .unwrap();
@@ -201,7 +201,11 @@ fn silent_stream_is_closed_and_opened_again() {
     let starts = folder.file("starts");
     // Three frames, and then nothing: the cable is out, but the connection stays.
     let frame = "printf 'P6\\n64 64\\n255\\n'; head -c 12288 /dev/zero";
-    let script = format!("echo $$ >> {starts}; for i in 1 2 3; do {frame}; done; exec sleep 600");
+    let arguments = folder.file("arguments");
+    let script = format!(
+        "echo $$ >> {starts}; echo \"$@\" > {arguments}
+         for i in 1 2 3; do {frame}; done; exec sleep 600"
+    );
     let path = fake_ffmpeg(&folder, &script);
     let (station, address) = GroundStation::listen();
     let mut command = Command::new(PROGRAM);
@@ -223,6 +227,9 @@ fn silent_stream_is_closed_and_opened_again() {
         }
         _ => None,
     });
+    let arguments = std::fs::read_to_string(&arguments).unwrap();
+    let is_quick = arguments.contains("-flags low_delay -thread_type slice -i ");
+    assert!(is_quick, "decoded without delay: {arguments}");
     assert!(serving.is_running());
     assert_eq!(serving.end(), Some(0));
     let left: Vec<String> = count()
@@ -331,7 +338,7 @@ fn killed_program_starts_again_and_leaves_whole_logs() {
         "5000",
     ];
     for name in ["f.jsonl", "f-1.jsonl"] {
-        let init = ["--init", "110,72,24,24", "--model", "drmim-p82", "--quiet"];
+        let init = ["--init", "110,72,24,24", "--model", "drmim-p75", "--quiet"];
         let (serving, _camera) = serve_pipe(&[&args[..], &init].concat());
         let path = folder.file(name);
         let written = until(|| {
