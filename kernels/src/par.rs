@@ -1,15 +1,16 @@
-//! Threads, the processor cores they are held on, and the rows of a map split over them. The only file that names rayon and
+//! Threads, the processor cores they are pinned to, and maps split over them. The only file that names rayon and
 //! core_affinity.
 //!
-//! Work is split into contiguous blocks of output rows; every output value is computed by one thread in one order, so
-//! results do not depend on the number of threads.
+//! Work is split into contiguous blocks of output rows, or of Winograd tiles. One thread computes every output value, in
+//! one order: results have the same bits on any number of threads. Cost: one fork and join per kernel call, a few
+//! microseconds; waking a sleeping pool costs more, so enter it once per frame ([`Threads::enter`]).
 
 use core_affinity::CoreId;
 use std::ops::Range;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// A set of worker threads that kernels run on; of one thread it is the caller's own, unless that is to be held on a core.
+/// A pool of worker threads that kernels run on. A pool of one is the caller's own thread, unless it is to be pinned.
 #[derive(Debug)]
 pub struct Threads {
     workers: Option<Arc<rayon::ThreadPool>>,
@@ -17,20 +18,19 @@ pub struct Threads {
 }
 
 impl Threads {
-    /// The most there can be.
+    /// The largest number of threads.
     pub const MAX: usize = 256;
 
-    /// `count` threads, held between 1 and [`MAX`](Self::MAX). Where the system refuses to start them, the caller's
-    /// own thread does all the work.
+    /// Starts `count` threads, clamped to `1..=MAX`. If the system refuses, the caller's own thread does all the work.
     pub fn new(count: usize) -> Threads {
         Threads::start(count, Cores::ANY)
     }
 
-    /// As [`new`](Self::new), each thread held on one of the cores, in turn. A thread whose core the system refuses runs
-    /// anywhere.
+    /// Starts `count` threads, each pinned to one of `cores` in turn. A thread whose core the system refuses runs anywhere.
     ///
-    /// Without a choice ([`Cores::ANY`]) as many threads as there are cores are held on one each: after a pause, such as the one before
-    /// the next frame of a camera, the system may wake two of them on one core, and leave them there for longer than a frame takes.
+    /// With [`Cores::ANY`], as many threads as there are cores are pinned to one each. Otherwise the system may wake two of
+    /// them on one core after a pause, such as the one before a camera's next frame, and leave them there for longer than
+    /// a frame takes.
     pub fn pinned(count: usize, cores: Cores) -> Threads {
         let all = Cores::available();
         let one_each = cores == Cores::ANY && count > 1 && count == all.ids().count();
@@ -60,13 +60,14 @@ impl Threads {
         Threads { workers, count }
     }
 
-    /// How many threads work.
+    /// Number of threads.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Runs `work` on one of the threads. Kernels called within split their rows over all of them; enter once per frame, since
-    /// entering wakes a worker.
+    /// Runs `work` on one of the threads. Kernels called from within split their rows over all of them.
+    ///
+    /// Enter once per frame: entering wakes a worker.
     pub fn enter<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.workers {
             Some(workers) => workers.install(work),
@@ -74,8 +75,10 @@ impl Threads {
         }
     }
 
-    /// Runs two works that do not depend on each other side by side, each on about half of the threads and in room of its own; on
-    /// one thread one after the other, both in the first one's, which the cache then still holds. Call within [`enter`](Self::enter).
+    /// Runs two independent jobs side by side, each on half of the threads and with a room of its own.
+    ///
+    /// On one thread they run one after the other, both in the first room, which the cache then still holds. Call within
+    /// [`enter`](Self::enter).
     pub fn both<T: Send>(
         &self,
         [room_a, room_b]: [&mut T; 2],
@@ -87,16 +90,17 @@ impl Threads {
             b(self, room_a);
             return;
         }
-        let some = |count: usize| Threads {
+        let part = |count: usize| Threads {
             workers: self.workers.clone(),
             count,
         };
-        let (first, second) = (some(self.count / 2), some(self.count - self.count / 2));
+        let first = part(self.count / 2);
+        let second = part(self.count - self.count / 2);
         rayon::join(|| a(&first, room_a), || b(&second, room_b));
     }
 
-    /// Splits `out` into blocks of whole rows of `row_len` values, one per thread, and calls `work(first_row, block)`
-    /// for each. Call within [`enter`](Self::enter).
+    /// Splits `out` into one block of whole rows (of `row_len` values) per thread, and calls `work(first_row, block)` for
+    /// each. Call within [`enter`](Self::enter).
     pub fn split_rows<T: Send>(
         &self,
         out: &mut [T],
@@ -108,7 +112,8 @@ impl Threads {
         });
     }
 
-    /// As [`split_rows`](Self::split_rows) at multiples of `unit` rows, and gives each thread its equal part of `scratch`.
+    /// Does what [`split_rows`](Self::split_rows) does at multiples of `unit` rows, and gives each thread an equal part of
+    /// `scratch`.
     pub fn split_rows_with<T: Send>(
         &self,
         out: &mut [T],
@@ -126,6 +131,7 @@ impl Threads {
     }
 }
 
+/// Splits rows and scratch in two halves, recursively, until each thread has its block.
 fn split<T: Send>(
     threads: usize,
     first_row: usize,
@@ -163,14 +169,14 @@ fn split<T: Send>(
     );
 }
 
-/// How a map lies in tiles, which are counted along its rows.
+/// How a map is cut into tiles, which are counted along its rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Tiling {
     /// Values of a row of the map.
     pub row_len: usize,
-    /// Rows of a tile, at most [`Tiling::ROWS`]; the last ones may have fewer.
+    /// Rows of a tile, at most [`Tiling::ROWS`]; those at the bottom may have fewer.
     pub rows: usize,
-    /// Values of a row of a tile; those at the end of a row of tiles may have fewer.
+    /// Values of a row of a tile; those at the right edge may have fewer.
     pub len: usize,
 }
 
@@ -186,44 +192,50 @@ impl Tiling {
 
 /// One thread's tiles, and the part of the map that they cover.
 #[derive(Debug)]
-pub struct Share<'a> {
-    /// The map's row in which the first tile begins.
+pub struct ThreadTiles<'a> {
+    /// First row of the map that the first tile covers.
     pub first_row: usize,
-    /// The tiles, counted from the first one in that row.
+    /// The tiles, counted from the leftmost one in that row.
     pub tiles: Range<usize>,
-    /// What they write.
-    pub map: MapPart<'a>,
+    /// The outputs that they write.
+    pub map: OutputPart<'a>,
     /// This thread's part of the scratch space.
     pub scratch: &'a mut [f32],
 }
 
-/// The part of a map that tiles cover which are counted along its rows.
+/// The outputs that consecutive tiles cover.
+///
+/// ```text
+/// other thread's  | head head head     the right ends of the rows of the first tiles
+/// body body body body body body body   whole rows
+/// tail tail | other thread's           the left ends of the rows of the last tiles
+/// ```
 #[derive(Debug)]
-pub struct MapPart<'a> {
+pub struct OutputPart<'a> {
     tiling: Tiling,
-    head: [&'a mut [f32]; Tiling::ROWS], // the ends of the first tiles' rows, where another thread has their beginnings
-    out: &'a mut [f32],                  // whole rows
-    tail: [&'a mut [f32]; Tiling::ROWS], // the beginnings of the last tiles' rows, likewise
+    head: [&'a mut [f32]; Tiling::ROWS],
+    body: &'a mut [f32],
+    tail: [&'a mut [f32]; Tiling::ROWS],
 }
 
-/// Some rows of a map, each from its first value of one tile on; those that are not there are empty.
+/// The rows that a tile covers, each from the tile's first value on. Missing rows are empty.
 #[derive(Debug)]
 pub enum TileRows<'a> {
-    /// Rows that are whole, one behind the other.
+    /// Whole rows of the map, and the distance from one to the next.
     Whole(&'a mut [f32], usize),
-    /// Rows that end where this part of the map does.
+    /// Rows that end where another thread's part begins.
     Cut([&'a mut [f32]; Tiling::ROWS]),
 }
 
-impl MapPart<'_> {
-    /// Rows of the map from that on in which the first tile begins.
+impl OutputPart<'_> {
+    /// Rows of the map that the tiles cover.
     pub fn height(&self) -> usize {
         let shared =
             [&self.head, &self.tail].map(|rows| rows.iter().filter(|row| !row.is_empty()).count());
-        self.out.len() / self.tiling.row_len + shared[0] + shared[1]
+        self.body.len() / self.tiling.row_len + shared[0] + shared[1]
     }
 
-    /// The rows of the tile in this column of that row of tiles, counted as [`Share::tiles`] are.
+    /// The rows of the tile in row of tiles `band` and column of tiles `column`, counted as in [`ThreadTiles::tiles`].
     #[inline(always)]
     pub fn tile(&mut self, band: usize, column: usize) -> TileRows<'_> {
         let Tiling { row_len, rows, len } = self.tiling;
@@ -240,8 +252,8 @@ impl MapPart<'_> {
             }));
         }
         let start = (band - shared) * rows * row_len;
-        if start < self.out.len() {
-            return TileRows::Whole(&mut self.out[start + first..], row_len);
+        if start < self.body.len() {
+            return TileRows::Whole(&mut self.body[start + first..], row_len);
         }
         TileRows::Cut(self.tail.each_mut().map(|row| {
             if row.is_empty() {
@@ -254,13 +266,16 @@ impl MapPart<'_> {
 }
 
 impl Threads {
-    /// As [`split_rows_with`](Self::split_rows_with) where whole rows of tiles would be too uneven: each thread gets as many tiles as the others.
+    /// Splits `out` into tiles, as many for each thread, and calls `work` for each thread's. Call within
+    /// [`enter`](Self::enter).
+    ///
+    /// Small maps have only a few rows of tiles: whole ones per thread would be uneven.
     pub fn split_tiles(
         &self,
         out: &mut [f32],
         tiling: Tiling,
         scratch: &mut [f32],
-        work: impl Fn(Share<'_>) + Sync,
+        work: impl Fn(ThreadTiles<'_>) + Sync,
     ) {
         let Tiling { row_len, rows, .. } = tiling;
         assert!(
@@ -269,53 +284,56 @@ impl Threads {
             out.len()
         );
         let bands = out.len().div_ceil(rows * row_len);
-        // So many that each has a whole row of tiles at least: then two share one at most.
+        // No more threads than rows of tiles: then at most two threads share a row.
         let threads = self.count.min(bands);
-        let map = MapPart {
+        let map = OutputPart {
             tiling,
             head: Default::default(),
-            out,
+            body: out,
             tail: Default::default(),
         };
         split_tiles(threads, 0..bands * tiling.across(), map, scratch, &work);
     }
 }
 
+/// Splits tiles, their outputs and scratch in two halves, recursively, until each thread has its tiles.
 fn split_tiles(
     threads: usize,
     tiles: Range<usize>,
-    map: MapPart<'_>,
+    map: OutputPart<'_>,
     scratch: &mut [f32],
-    work: &(impl Fn(Share<'_>) + Sync),
+    work: &(impl Fn(ThreadTiles<'_>) + Sync),
 ) {
     let Tiling { row_len, rows, len } = map.tiling;
     let across = map.tiling.across();
     if threads <= 1 {
         let skipped = tiles.start % across;
         let first_row = tiles.start / across * rows;
-        return work(Share {
+        return work(ThreadTiles {
             first_row,
             tiles: skipped..skipped + tiles.len(),
             map,
             scratch,
         });
     }
+    // The cut goes through a row of tiles, or between two: `middle` is the first tile of the right half.
     let left = threads / 2;
     let middle = tiles.start + tiles.len() * left / threads;
-    let MapPart {
+    let OutputPart {
         tiling,
         head,
-        out,
+        body,
         tail,
     } = map;
-    let bands = middle / across - tiles.start.div_ceil(across); // whole ones of the left part
-    let (out_a, rest) = out.split_at_mut(bands * rows * row_len);
+    let bands = middle / across - tiles.start.div_ceil(across); // whole rows of tiles on the left
+    let (body_a, rest) = body.split_at_mut(bands * rows * row_len);
     let shared = if middle.is_multiple_of(across) {
         0
     } else {
         rows * row_len
     };
-    let (band, out_b) = rest.split_at_mut(shared);
+    let (band, body_b) = rest.split_at_mut(shared);
+    // Each row of the shared row of tiles ends the left part and begins the right one.
     let mut ends = band
         .chunks_exact_mut(row_len)
         .map(|row| row.split_at_mut(middle % across * len));
@@ -328,16 +346,16 @@ fn split_tiles(
         (*tail, *head) = (a, b);
     }
     let (scratch_a, scratch_b) = scratch.split_at_mut(scratch.len() / threads * left);
-    let a = MapPart {
+    let a = OutputPart {
         tiling,
         head,
-        out: out_a,
+        body: body_a,
         tail: tail_a,
     };
-    let b = MapPart {
+    let b = OutputPart {
         tiling,
         head: head_b,
-        out: out_b,
+        body: body_b,
         tail,
     };
     rayon::join(
@@ -346,34 +364,34 @@ fn split_tiles(
     );
 }
 
-/// A choice of processor cores, as the system numbers them.
+/// A set of processor cores, by the system's numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cores([u64; 4]);
 
 impl Cores {
-    /// No choice: threads run where the system puts them.
+    /// The empty set: threads run where the system puts them.
     pub const ANY: Cores = Cores([0; 4]);
 
-    /// Those that this process may run on.
+    /// The cores that this process may run on.
     pub fn available() -> Cores {
         let mut cores = Cores::ANY;
-        core_affinity::get_core_ids()
-            .unwrap_or_default()
-            .iter()
-            .for_each(|core| _ = cores.add(core.id));
+        for core in core_affinity::get_core_ids().unwrap_or_default() {
+            _ = cores.add(core.id);
+        }
         cores
     }
 
-    /// Their numbers, from the lowest.
+    /// The cores' numbers, in ascending order.
     pub fn ids(self) -> impl Iterator<Item = usize> {
         (0..Threads::MAX).filter(move |id| self.0[id / 64] >> (id % 64) & 1 == 1)
     }
 
-    /// Whether all of them are among others.
+    /// Whether all of these are among `others`.
     pub fn within(self, others: Cores) -> bool {
         self.ids().all(|id| others.0[id / 64] >> (id % 64) & 1 == 1)
     }
 
+    /// Adds core `id`; `None` if it is beyond the largest number.
     fn add(&mut self, id: usize) -> Option<()> {
         *self.0.get_mut(id / 64)? |= 1 << (id % 64);
         Some(())
@@ -392,7 +410,7 @@ impl std::fmt::Display for Cores {
     }
 }
 
-/// From a list as `taskset` takes it: `0,2,4-7`.
+/// Parses a list in the syntax of `taskset`: `0,2,4-7`.
 impl FromStr for Cores {
     type Err = String;
 
@@ -419,7 +437,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tiles_are_shared_evenly() {
+    fn tiles_on_any_number_of_threads_cover_the_map_evenly_and_once() {
         let (width, height, channels) = (23, 17, 2);
         let tiling = Tiling {
             row_len: width * channels,
@@ -432,11 +450,11 @@ mod tests {
             let mut scratch = vec![0.0; count];
             let sizes = std::sync::Mutex::new(vec![]);
             threads.enter(|| {
-                threads.split_tiles(&mut out, tiling, &mut scratch, |share| {
-                    sizes.lock().unwrap().push(share.tiles.len());
-                    assert!(share.first_row + share.map.height() <= height);
-                    let mut map = share.map;
-                    for tile in share.tiles {
+                threads.split_tiles(&mut out, tiling, &mut scratch, |part| {
+                    sizes.lock().unwrap().push(part.tiles.len());
+                    assert!(part.first_row + part.map.height() <= height);
+                    let mut map = part.map;
+                    for tile in part.tiles {
                         let (band, column) = (tile / 5, tile % 5);
                         let mut rows: Vec<&mut [f32]> = match map.tile(band, column) {
                             TileRows::Whole(values, row_len) => {
@@ -444,7 +462,7 @@ mod tests {
                             }
                             TileRows::Cut(rows) => rows.into(),
                         };
-                        let first = share.first_row + 4 * band;
+                        let first = part.first_row + 4 * band;
                         for (row, values) in (first..height.min(first + 4)).zip(&mut rows) {
                             let start = row * tiling.row_len + column * tiling.len;
                             let columns = tiling.len.min(tiling.row_len - column * tiling.len);
@@ -472,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn cores_by_name() {
+    fn core_lists_parse_and_print_and_bad_ones_are_refused() {
         let cores: Cores = "0,2,4-6".parse().unwrap();
         assert!(cores.ids().eq([0, 2, 4, 5, 6]));
         assert_eq!(cores.to_string(), "0,2,4,5,6");
@@ -486,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_stay_on_their_cores() {
+    fn pinned_threads_stay_on_their_cores() {
         let all: Vec<usize> = Cores::available().ids().collect();
         let Some(last) = all.last() else { return };
         let only: Cores = last.to_string().parse().unwrap();
@@ -501,12 +519,12 @@ mod tests {
         }
         assert!(
             Cores::available().ids().eq(all),
-            "the caller's own thread is not held"
+            "the caller's own thread is not pinned"
         );
     }
 
     #[test]
-    fn as_many_threads_as_cores_have_one_each() {
+    fn as_many_threads_as_cores_are_pinned_to_one_each() {
         let all: Vec<usize> = Cores::available().ids().collect();
         if all.len() < 2 {
             return;
@@ -519,7 +537,7 @@ mod tests {
     }
 
     #[test]
-    fn every_row_once() {
+    fn rows_on_any_number_of_threads_are_worked_on_once() {
         for threads in [1, 2, 3, 5] {
             let all = Threads::new(threads);
             for rows in [0, 1, 2, 7, 16] {
@@ -538,7 +556,7 @@ mod tests {
     }
 
     #[test]
-    fn side_by_side() {
+    fn independent_jobs_share_all_threads() {
         for threads in [1, 2, 3, 8] {
             let all = Threads::new(threads);
             let (mut a, mut b) = (vec![0; 4], vec![0; 4]);
@@ -574,7 +592,7 @@ mod tests {
     }
 
     #[test]
-    fn bounded() {
+    fn zero_threads_become_one() {
         assert_eq!(Threads::new(0).count(), 1);
     }
 }

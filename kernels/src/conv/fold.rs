@@ -1,20 +1,22 @@
-//! A convolution with a stride as one without: the input's phases become channels.
+//! Rewrites a strided convolution as one of stride 1 (space to depth): the input's phases become channels.
 //!
-//! With stride `s`, the inputs `x[s Y + p]` of one phase `p < s` are a map of their own, smaller by `s`, and
+//! With stride `s`, the inputs `x[s Y + p]` of one phase `p < s` form a map of their own, `s` times smaller, and
 //!
 //! ```text
 //! y[Y] = sum over k of w[k] x[s Y + k] = sum over p, q of w[s q + p] x_p[Y + q]
 //! ```
 //!
-//! So a kernel of side `k` with stride `s` on `Cin` channels is one of side `ceil(k / s)` with stride 1 on `s * s * Cin`
-//! channels, zero where `s q + p` is past its end: the 11 x 11 kernel with stride 2 on 3 channels becomes 6 x 6 on 12, which
-//! Winograd's algorithm can take.
+//! A kernel of side `k` with stride `s` on `Cin` channels is therefore one of side `ceil(k / s)` with stride 1 on
+//! `s * s * Cin` channels, zero where `s q + p >= k`. The network's 11 x 11 kernel with stride 2 on 3 channels becomes
+//! 6 x 6 on 12, which Winograd's algorithm supports.
+//!
+//! Shapes: input `[H, W, Cin] -> [H' + q - 1, W' + q - 1, s * s * Cin]` with `q = ceil(k / s)`. Cost: one copy of the input.
 
 use super::ConvShape;
 use crate::Size;
 use crate::par::Threads;
 
-/// The convolution without stride and padding that computes what `shape` does.
+/// The convolution of stride 1 without padding that computes the same outputs as `shape`.
 pub(super) fn unstrided(shape: &ConvShape) -> ConvShape {
     let phases = shape.stride * shape.stride;
     ConvShape {
@@ -26,19 +28,17 @@ pub(super) fn unstrided(shape: &ConvShape) -> ConvShape {
     }
 }
 
-/// The folded input's size.
+/// Size of the folded input.
 pub(super) fn size(shape: &ConvShape, input: Size) -> Size {
-    let (out, more) = (
-        shape.out_size(input),
-        shape.kernel.div_ceil(shape.stride) - 1,
-    );
+    let out = shape.out_size(input);
+    let border = shape.kernel.div_ceil(shape.stride) - 1;
     Size {
-        h: out.h + more,
-        w: out.w + more,
+        h: out.h + border,
+        w: out.w + border,
     }
 }
 
-/// `[Cout, k, k, Cin]` as `[Cout, q_y, q_x, p_y, p_x, Cin]`.
+/// Folds weights `[Cout, k, k, Cin]` to `[Cout, q_y, q_x, p_y, p_x, Cin]`.
 pub(super) fn weights(shape: &ConvShape, weights: &[f32]) -> Vec<f32> {
     let (s, k, cin) = (shape.stride, shape.kernel, shape.in_channels);
     let side = k.div_ceil(s);
@@ -60,7 +60,7 @@ pub(super) fn weights(shape: &ConvShape, weights: &[f32]) -> Vec<f32> {
     folded
 }
 
-/// Writes `input` (`[H, W, Cin]`) as `[Y, X, p_y, p_x, Cin]`, zeros beyond its edges, to `out`, which is of [`size`].
+/// Folds `input` (`[H, W, Cin]`) to `[Y, X, p_y, p_x, Cin]` in `out`, which is of [`size`]; zeros beyond the edges.
 pub(super) fn input(
     shape: &ConvShape,
     threads: &Threads,
@@ -70,10 +70,11 @@ pub(super) fn input(
 ) {
     let (s, cin, pad) = (shape.stride, shape.in_channels, shape.pad);
     let width = self::size(shape, size).w;
-    let run = s * cin; // the phases of one row lie side by side already
+    let run = s * cin; // the phases of one row are neighbors already
     let row_len = width * s * run;
     threads.split_rows(out, row_len, |first, out| {
         for (i, row) in out.chunks_exact_mut(row_len).enumerate() {
+            // Phase `p_y` of folded row `Y` is one row of the input, `s Y + p_y - pad`, or zeros outside of it.
             for p_y in 0..s {
                 let to = &mut row[p_y * run..];
                 let from = (s * (first + i) + p_y)
@@ -81,7 +82,7 @@ pub(super) fn input(
                     .filter(|y| *y < size.h);
                 let from = from.map_or(&[][..], |y| &input[y * size.w * cin..][..size.w * cin]);
                 match run {
-                    6 if pad == 0 => spread::<6>(from, s * run, to), // colors at stride 2
+                    6 if pad == 0 => spread::<6>(from, s * run, to), // the network's first layer
                     _ => spread_any(from, pad * cin, run, s * run, to),
                 }
             }
@@ -89,7 +90,7 @@ pub(super) fn input(
     });
 }
 
-/// Runs of `N` values of `from`, each to the front of every `step` values of `to`; zeros when there are no more.
+/// Copies runs of `N` values of `from` to every `step`-th value of `to`; zeros once `from` is used up.
 fn spread<const N: usize>(from: &[f32], step: usize, to: &mut [f32]) {
     let (runs, rest) = from.as_chunks::<N>();
     let mut last = [0.0; N];
@@ -103,7 +104,7 @@ fn spread<const N: usize>(from: &[f32], step: usize, to: &mut [f32]) {
     }
 }
 
-/// As [`spread`] for runs of any length, `from` beginning behind `before` zeros.
+/// Does what [`spread`] does for runs of any length, with `before` zeros in front of `from`.
 fn spread_any(from: &[f32], before: usize, run: usize, step: usize, to: &mut [f32]) {
     for (i, to) in to.chunks_mut(step).enumerate() {
         for (j, to) in to[..run].iter_mut().enumerate() {

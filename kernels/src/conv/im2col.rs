@@ -1,32 +1,33 @@
 //! Convolution as one matrix product: patches `[H' W', k k Cin]` times weights `[k k Cin, Cout]`.
 //!
-//! The patches are gathered a strip of output rows at a time, so that they stay in the cache. Portable and simple; the
-//! yardstick for [`super::direct`].
+//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost: the multiply-accumulates of the product, and a copy of each input for
+//! every output that reads it. Patches are gathered one strip of output rows at a time, so that they stay in the cache.
+//! It is the yardstick: short, portable, and as fast as faer's matrix product. `direct.rs` saves the copy.
 
 use super::ConvShape;
 use crate::Size;
 use crate::gemm::gemm;
 use crate::par::Threads;
 
-/// Weights as `[k * k * Cin, Cout]`.
+/// Weights as a matrix `[k * k * Cin, Cout]`.
 #[derive(Clone, Debug)]
-pub(super) struct Weights {
+pub(super) struct WeightMatrix {
     data: Vec<f32>,
 }
 
-impl Weights {
+impl WeightMatrix {
     /// From `[Cout, k, k, Cin]`.
-    pub(super) fn new(shape: &ConvShape, weights: &[f32]) -> Weights {
+    pub(super) fn new(shape: &ConvShape, weights: &[f32]) -> WeightMatrix {
         let window = shape.window();
         let transposed =
             |i: usize| weights[i % shape.out_channels * window + i / shape.out_channels];
-        Weights {
+        WeightMatrix {
             data: (0..weights.len()).map(transposed).collect(),
         }
     }
 }
 
-/// Output pixels that one strip gathers, if a row is not longer.
+/// Output pixels of one strip, unless a single row has more.
 const STRIP_PIXELS: usize = 256;
 
 /// Output rows of one strip.
@@ -34,7 +35,7 @@ fn strip_rows(width: usize) -> usize {
     (STRIP_PIXELS / width).max(1)
 }
 
-/// Scratch values per thread.
+/// Scratch values per thread: the patches of one strip.
 pub(super) fn scratch_len(shape: &ConvShape, size: Size) -> usize {
     let width = shape.out_size(size).w;
     strip_rows(width) * width * shape.window()
@@ -45,7 +46,7 @@ pub(super) fn scratch_len(shape: &ConvShape, size: Size) -> usize {
 pub(super) fn run(
     threads: &Threads,
     shape: &ConvShape,
-    weights: &Weights,
+    weights: &WeightMatrix,
     bias: &[f32],
     input: &[f32],
     size: Size,
@@ -61,6 +62,7 @@ pub(super) fn run(
         1,
         scratch,
         |first_row, out, patches| {
+            // Gather a strip's patches, multiply them, then add the bias while the outputs are in the cache.
             for (i, out) in out.chunks_mut(strip * width * channels).enumerate() {
                 let pixels = out.len() / channels;
                 let patches = &mut patches[..pixels * window];
@@ -79,7 +81,7 @@ pub(super) fn run(
     );
 }
 
-/// Copies the windows of whole output rows from `first_row` on into `patches` (`[pixels, k, k * Cin]`).
+/// Copies the windows of whole output rows, from `first_row` on, into `patches` (`[pixels, k, k * Cin]`).
 fn gather(
     shape: &ConvShape,
     input: &[f32],
@@ -90,10 +92,8 @@ fn gather(
 ) {
     let row_len = shape.kernel * shape.in_channels;
     for (pixel, patch) in patches.chunks_exact_mut(shape.window()).enumerate() {
-        let (y, x) = (
-            (first_row + pixel / width) * shape.stride,
-            pixel % width * shape.stride,
-        );
+        let y = (first_row + pixel / width) * shape.stride;
+        let x = pixel % width * shape.stride;
         for (ky, to) in patch.chunks_exact_mut(row_len).enumerate() {
             to.copy_from_slice(&input[((y + ky) * size.w + x) * shape.in_channels..][..row_len]);
         }

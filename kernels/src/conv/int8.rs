@@ -1,15 +1,22 @@
-//! Direct convolution of bytes: `u8` activations with `i8` weights, exact in `i32`, then back to `f32`.
+//! Direct convolution of bytes: `u8` activations with `i8` weights, summed exactly in `i32`, then scaled to `f32`.
 //!
 //! ```text
-//! y[o] = s[o] * (sum over the window of q_w * q_x  -  z * sum of q_w)  +  b[o],     s[o] = scale of weights[o] * scale of x
+//! y[o] = s[o] * (sum over the window of q_w * q_x  -  z * sum of q_w)  +  b[o]
+//! s[o] = scale of weights[o] * scale of x,  z = zero-point of x
 //! ```
 //!
-//! The zero-point's term depends on the weights alone, so the sums start from it. The padding of a padded layer is the zero-point, which stands for 0.
-//! Weights are symmetric, one scale per output channel: `q_w = round(w * 127 / max |w|)`.
+//! Shapes: `u8 [H, W, Cin] -> f32 or u8 [H', W', Cout]`. Cost: a quarter of an instruction per product where the
+//! instruction set has a dot product of bytes. Source: Jacob et al., "Quantization and training of neural networks for
+//! efficient integer-arithmetic-only inference", 2018.
 //!
-//! The walk is that of `direct.rs` with four inputs per step: one load of four weights per lane and channel vector, one broadcast of four
-//! neighboring inputs per pixel. A window's row of `k * Cin` bytes is taken up to the next multiple of four; the weights behind its end are zero.
-//! Where the instruction set multiplies matrices, a step is of eight inputs, and pixels go two by two.
+//! The walk is that of `direct.rs` with four inputs per step. The tricks:
+//!
+//! - One step loads four weights per lane and channel vector, and broadcasts four neighboring inputs per pixel.
+//!   A row of the window (`k * Cin` bytes) is rounded up to whole steps; the weights after its end are zero.
+//! - The zero-point's term depends on the weights alone, so sums start from it instead of from 0. Padding is the
+//!   zero-point itself.
+//! - Weights are symmetric with one scale per output channel, `q_w = round(w * 127 / max |w|)`: no second zero-point.
+//! - Where the instruction set multiplies matrices (i8mm), a step has eight inputs, and pixels go in pairs.
 
 use super::ConvShape;
 use super::direct::blocks;
@@ -17,29 +24,30 @@ use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, Simd};
 use crate::{Aligned, Isa, Size};
 
-/// Bytes that must follow the input, because windows are read up to eight bytes at a time.
+/// Bytes that must follow an input of bytes, because steps read up to eight at a time.
 pub const SLACK: usize = 7;
 
-/// Weights as the tiles read them: `[block][kernel row][steps of a row][vectors of the block * LANES][quads of a step]`.
+/// Weights as bytes in the order of the walk, with what turns sums into outputs.
 #[derive(Clone, Debug)]
-pub(super) struct Weights {
-    quads: Aligned<[i8; 4]>,
-    start: Vec<i32>, // of the sums, `[Cout]` and zeros up to whole vectors
-    scale: Vec<f32>, // of the sums, `[Cout]`
+pub(super) struct QuantizedWeights {
+    quads: Aligned<[i8; 4]>, // [block][kernel row][steps][vectors of the block * LANES][quads of a step]
+    start: Vec<i32>,         // what sums start from: [Cout], zeros up to whole vectors
+    scale: Vec<f32>,         // of the sums: [Cout]
     pub input: Quantization,
 }
 
-impl Weights {
+impl QuantizedWeights {
     /// From `[Cout, k, k, Cin]`.
     pub(super) fn new(
         isa: Isa,
         shape: &ConvShape,
         weights: &[f32],
         input: Quantization,
-    ) -> Weights {
+    ) -> QuantizedWeights {
         let (lanes, (offset, quads_per_step)) = (isa.lanes(), isa.dot_offset_and_quads());
         let row_len = shape.kernel * shape.in_channels;
         let vectors = shape.out_channels.div_ceil(lanes);
+        // Round each output channel, and fold the zero-point and the instruction's offset into the start of its sums.
         let rounded: Vec<(Vec<i8>, f32)> =
             weights.chunks_exact(shape.window()).map(round).collect();
         let sum = |row: &[i8]| row.iter().map(|w| i32::from(*w)).sum::<i32>();
@@ -48,6 +56,7 @@ impl Weights {
             .map(|(row, _)| (offset - i32::from(input.zero_point)) * sum(row))
             .collect();
         start.resize(vectors * lanes, 0);
+        // Four weights of one output channel; zeros after the end of a window's row and after the last channel.
         let quad = |output: usize, ky: usize, group: usize| {
             let mut quad = [0; 4];
             if let Some((window, _)) = rounded.get(output) {
@@ -76,7 +85,7 @@ impl Weights {
             .iter()
             .map(|(_, scale)| scale * input.scale)
             .collect();
-        Weights {
+        QuantizedWeights {
             quads: quads.as_slice().into(),
             start,
             scale,
@@ -85,7 +94,7 @@ impl Weights {
     }
 }
 
-/// One output channel's weights as bytes, and what one of them is worth.
+/// Rounds one output channel's weights to bytes; returns them with their scale.
 fn round(weights: &[f32]) -> (Vec<i8>, f32) {
     let largest = weights.iter().fold(0.0f32, |all, w| all.max(w.abs()));
     let scale = (largest / 127.0).max(f32::MIN_POSITIVE);
@@ -98,7 +107,7 @@ fn round(weights: &[f32]) -> (Vec<i8>, f32) {
     )
 }
 
-/// Steps of the walk along a window's row.
+/// Steps along one row of the window.
 fn steps_per_row(shape: &ConvShape, quads_per_step: usize) -> usize {
     (shape.kernel * shape.in_channels).div_ceil(4 * quads_per_step)
 }
@@ -106,25 +115,25 @@ fn steps_per_row(shape: &ConvShape, quads_per_step: usize) -> usize {
 /// Some rows of one convolution without padding.
 pub(super) struct Int8<'a, T: To> {
     pub shape: &'a ConvShape,
-    pub weights: &'a Weights,
+    pub weights: &'a QuantizedWeights,
     pub bias: &'a [f32], // [Cout]
-    pub input: &'a [u8], // [size.h, size.w, Cin], padding included, and `SLACK` bytes
+    pub input: &'a [u8], // [size.h, size.w, Cin], padding included, then `SLACK` bytes
     pub size: Size,
     pub first_row: usize, // of the output, that `out` starts at
     pub to: T,
     pub out: &'a mut [T::Value], // [rows, W', Cout]
 }
 
-/// What the outputs become.
+/// The type of the outputs.
 pub(super) trait To: Copy + Sync {
     /// One output.
     type Value: Send;
 
-    /// Writes a vector, or as much of it as there is room for.
+    /// Writes a vector of outputs, or as much of it as `out` has room for.
     fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [Self::Value]);
 }
 
-/// `f32` as they are.
+/// Outputs in `f32`.
 #[derive(Clone, Copy)]
 pub(super) struct Floats;
 
@@ -137,7 +146,7 @@ impl To for Floats {
     }
 }
 
-/// Bytes, for a convolution that reads such: what `quantize` would make of the `f32`.
+/// Outputs as bytes for the next layer: what `quantize` would make of the `f32` outputs.
 #[derive(Clone, Copy)]
 pub(super) struct Bytes(pub Quantization);
 
@@ -168,6 +177,7 @@ impl<T: To> DotKernel for Int8<'_, T> {
         let (channels, lanes) = (shape.out_channels, D::Float::LANES);
         let width = (size.w - shape.kernel) / shape.stride + 1;
         let steps = steps_per_row(shape, D::QUADS);
+        // The same loops as in `direct.rs`: blocks of channels, rows, even tiles of pixels.
         let mut rest = &weights.quads[..];
         let mut first = 0;
         for vectors in blocks(channels.div_ceil(lanes)) {
@@ -211,7 +221,7 @@ struct Tile<'a, T: To> {
     input: &'a [u8],        // from the first pixel's window on
     pixel_step: usize,      // from one pixel's window to the next one's
     row_step: usize,        // from one row of the window to the next
-    pixels: usize,          // of the tile: an odd one leaves half of the last group
+    pixels: usize,          // of the tile; of a pair the second may be missing
     steps: usize,           // along a window's row
     rows: usize,            // rows of the window
     weights: &'a [[i8; 4]], // [rows * steps, VECTORS * LANES * QUADS]
@@ -225,7 +235,7 @@ struct Tile<'a, T: To> {
 }
 
 impl<'a, T: To> Tile<'a, T> {
-    /// A row of a pixel's window, of so many steps.
+    /// One row of a pixel's window, as `steps` steps.
     #[inline(always)]
     fn window<D: Dot>(&self, pixel: usize, row: usize, steps: usize) -> &'a [D::Step] {
         let rest = &self.input[row * self.row_step + pixel * self.pixel_step..];
@@ -233,6 +243,7 @@ impl<'a, T: To> Tile<'a, T> {
         &bytemuck::cast_slice(&rest[..whole])[..steps]
     }
 
+    /// Sums the tile's window, then scales, adds the bias, applies ReLU, and writes.
     #[inline(always)]
     fn run<D: Dot, const GROUPS: usize, const VECTORS: usize>(self, dot: D) {
         if GROUPS > D::TILE_GROUPS[VECTORS] {
@@ -244,6 +255,7 @@ impl<'a, T: To> Tile<'a, T> {
             *start = dot.sums(&self.start[v * lanes..]);
         }
         let sums = self.add(dot, [start; GROUPS]);
+        // The epilogue, once per output: it may branch, the hot loop may not.
         let floor = simd.splat(if self.relu { 0.0 } else { f32::NEG_INFINITY });
         for (i, sums) in sums.iter().enumerate() {
             for p in 0..D::PIXELS {
@@ -271,8 +283,18 @@ impl<'a, T: To> Tile<'a, T> {
         }
     }
 
-    /// The hot loop. It takes the sums by value: an array that is written out by variable indices later on would lie in memory here, too, and
-    /// on NEON every step would store it.
+    /// The hot loop: adds the products of the whole window to `sums`.
+    ///
+    /// ```text
+    /// for each row of the window
+    ///   for each step of 4 or 8 bytes
+    ///     w[v] = load of the step's weights, vector v        VECTORS loads
+    ///     x    = broadcast of group i's step                 GROUPS broadcasts
+    ///     sums[i][v] = dot(x, w[v], sums[i][v])              GROUPS * VECTORS dot products, 4 or 8 products per lane
+    /// ```
+    ///
+    /// Takes the sums by value. The epilogue indexes them by variables; through a reference that would keep them in
+    /// memory here as well, and NEON would store them in every step.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn add<D: Dot, const GROUPS: usize, const VECTORS: usize>(
@@ -290,7 +312,7 @@ impl<'a, T: To> Tile<'a, T> {
             let (mut first, mut second) = ([&[][..]; GROUPS], [&[][..]; GROUPS]);
             for i in 0..GROUPS {
                 first[i] = self.window::<D>(i * D::PIXELS, ky, steps);
-                // Where the last group has no second pixel, its first stands in for it.
+                // Of an odd count the last pair repeats its first pixel; the epilogue drops the copy.
                 let next = (i * D::PIXELS + 1).min(self.pixels - 1);
                 second[i] = if D::PIXELS == 1 {
                     first[i]
@@ -322,7 +344,7 @@ mod tests {
     use crate::par::Threads;
     use crate::testing::{assert_close, noise};
 
-    /// The same convolution in `f64` on the values that the bytes stand for.
+    /// The convolution in `f64` on the values that the bytes stand for.
     fn expected(
         shape: &ConvShape,
         size: Size,
@@ -348,7 +370,7 @@ mod tests {
 
     fn check(shape: ConvShape, size: Size) {
         let weights = noise(shape.out_channels * shape.window(), 1);
-        // Sixteenths, so that no value lies between two bytes.
+        // Multiples of the scale: no value lies between two bytes.
         let input: Vec<f32> = noise(size.area() * shape.in_channels, 3)
             .iter()
             .map(|v| (v * 16.0).round() / 16.0)
@@ -383,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn equals_the_reference_at_awkward_widths() {
+    fn int8_at_awkward_widths_equals_the_reference() {
         for (i, n) in [1, 4, 5, 8, 9, 16, 17, 33, 47, 48, 80]
             .into_iter()
             .enumerate()
@@ -403,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn equals_the_reference_at_every_kernel_stride_and_pad() {
+    fn int8_with_any_kernel_stride_and_pad_equals_the_reference() {
         for (kernel, stride, pad) in [(1, 1, 0), (3, 1, 1), (3, 2, 1), (5, 1, 2), (11, 2, 0)] {
             let shape = ConvShape {
                 in_channels: 3,
@@ -426,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_in_and_out_change_nothing() {
+    fn bytes_between_layers_give_the_same_bits_as_floats() {
         let shape = ConvShape {
             in_channels: 5,
             out_channels: 37,
@@ -477,7 +499,7 @@ mod tests {
     }
 
     #[test]
-    fn extremes_do_not_saturate() {
+    fn extreme_bytes_and_weights_do_not_saturate() {
         // All bytes 255, all weights 127 and -127: sums of a few million.
         let shape = ConvShape {
             in_channels: 64,

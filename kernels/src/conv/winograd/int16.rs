@@ -1,26 +1,26 @@
-//! Winograd's algorithm on 16-bit integers, for maps of which is known what range their values have.
+//! Winograd's algorithm on 16-bit integers, for maps whose value range is known.
 //!
-//! A dot product of pairs of `i16` takes half as long as two products of `f32` where the instruction set has one, and half the memory. What is
-//! multiplied is `V` and `U`, not inputs and weights, so each point has its own scale, and `U` one per output channel as well:
+//! Where the instruction set has it, a dot product of `i16` pairs takes half the time of two `f32` products, and half the
+//! memory. The factors are `V` and `U`, not inputs and weights, so each point has its own scale, and `U` has one per output
+//! channel as well:
 //!
 //! ```text
-//! V' = round(V * 16383 / bound)       bound: what V is at most, for inputs of the range
-//! U' = round(U / s)                   s: as small as sums of V' U' in 32 bits allow, whatever V' may be
+//! V' = round(V * 16383 / bound)       bound: the largest |V| that inputs in the range can give
+//! U' = round(U / s)                   s: the smallest scale at which no sum of V' U' overflows 32 bits
 //! M  = (sum over i of U' V') * s * bound / 16383
 //! ```
 //!
-//! With weights and inputs drawn at random (normally distributed, inputs below 0 cut off, 128 channels) the error is 0.3 % of the outputs' RMS with
-//! 6 points and 0.6 % with 8, where bytes have 1.4 to 1.8 % and 10 points would have 4 %; tests hold it below 0.4 and 1 %.
-//!
-//! The walk is that of `kept.rs` (`strips.rs`) with two input channels per step.
+//! Shapes and walk are those of `stored.rs` (`strips.rs`), with two input channels per step. Cost: half of it.
+//! Error, for normally distributed weights and rectified inputs of 128 channels: 0.3 % of the outputs' RMS with 6 points
+//! and 0.6 % with 8. Bytes have 1.4 to 1.8 %, and 10 points would have 4 %. Tests hold it below 0.4 and 1 %.
 
 use super::super::ConvShape;
 use super::super::direct::blocks;
-use super::Part;
-use super::kept::transform_kernels;
 use super::points::input_matrix;
-use super::strips::{Block, Layout, Plan, Strip, Walk};
-use super::transforms::{HalfOutputs, Stored};
+use super::stored::transform_kernels;
+use super::strips::{Block, KernelLayout, Strip, StripPlan, StripWalk};
+use super::transforms::{HalfOutputs, PointFormat};
+use super::{ThreadPart, TileTask, run_int16};
 use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, MOST_INT16, Simd};
 use crate::{Aligned, Isa};
@@ -28,33 +28,33 @@ use crate::{Aligned, Isa};
 /// Two input channels of one lane.
 type Pair = [i16; 2];
 
-/// Kernels of one layer.
+/// `U'` of one layer.
 #[derive(Clone, Debug)]
-pub(super) struct Weights {
-    pub input: Quantization,
-    pub layout: Layout,
+pub(super) struct Int16Kernels {
+    pub layout: KernelLayout,
     u: Aligned<Pair>, // [row of points][block][a][pairs of Cin][vectors of the block * LANES]
     scale: Aligned<f32>, // of M: [row of points][block][a][vectors of the block * LANES]
     factors: Vec<f32>, // of V: [a][a]
 }
 
-impl Weights {
-    /// From `[Cout, k, k, Cin]`, for inputs that `input` can express.
+impl Int16Kernels {
+    /// Transforms and rounds `weights` (`[Cout, k, k, Cin]`) for inputs in the range of `input`.
     pub(super) fn new(
         isa: Isa,
         shape: &ConvShape,
         points: usize,
         weights: &[f32],
         input: Quantization,
-    ) -> Weights {
+    ) -> Int16Kernels {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
-        let layout = Layout::new(isa, pairs(shape), blocks(vectors));
+        let layout = KernelLayout::new(isa, pairs(shape), blocks(vectors));
         let bounds = bounds(points, [input.value(0), input.value(u8::MAX)]);
         let factors: Vec<f32> = bounds
             .iter()
             .map(|bound| f32::from(MOST_INT16) / bound)
             .collect();
         let all = transform_kernels(isa, shape, points, blocks(vectors), weights);
+        // Round point by point and block by block, in the order in which the kernels lie.
         let mut u = Aligned::zeros(points * points * layout.inputs * layout.channels);
         let mut scale = Aligned::zeros(points * points * layout.channels);
         let (mut all, mut rest, mut scales) = (&all[..], &mut u[..], &mut scale[..]);
@@ -70,8 +70,7 @@ impl Weights {
                 }
             }
         }
-        Weights {
-            input,
+        Int16Kernels {
             layout,
             u,
             scale,
@@ -80,13 +79,14 @@ impl Weights {
     }
 }
 
-/// Steps of the walk over the input channels.
+/// Pairs of input channels.
 fn pairs(shape: &ConvShape) -> usize {
     shape.in_channels.div_ceil(2)
 }
 
-/// The largest magnitude of `V` at each point, for inputs within `[low, high]`.
+/// The largest magnitude of `V` at each point, for inputs in `[low, high]`.
 fn bounds(points: usize, [low, high]: [f32; 2]) -> Vec<f32> {
+    // V = B^T d B: each coefficient is a product of two entries of B^T, positive if their signs agree.
     let matrix = input_matrix(points);
     let sums = |row: &[f32]| {
         let sum = |sign: f32| row.iter().map(|b| (sign * b).max(0.0)).sum::<f32>();
@@ -104,7 +104,7 @@ fn bounds(points: usize, [low, high]: [f32; 2]) -> Vec<f32> {
         .collect()
 }
 
-/// Rounds `values` (`[Cin, lanes]`) to `pairs` (`[pairs of Cin, lanes]`), and says what one of them is worth in each lane.
+/// Rounds `values` (`[Cin, lanes]`) to `pairs` (`[pairs of Cin, lanes]`), and sets each lane's `scale`.
 fn round(values: &[f32], lanes: usize, pairs: &mut [Pair], scale: &mut [f32]) {
     let channels = values.len() / lanes;
     let (mut sums, mut most) = (vec![0.0f32; lanes], vec![0.0f32; lanes]);
@@ -114,7 +114,7 @@ fn round(values: &[f32], lanes: usize, pairs: &mut [Pair], scale: &mut [f32]) {
             most[lane] = most[lane].max(value.abs());
         }
     }
-    // Rounding adds at most a half to each.
+    // The largest sum of |U'| that cannot overflow; rounding adds at most 1/2 per channel.
     let sum = (i32::MAX / i32::from(MOST_INT16)) as f32 - channels as f32;
     for (lane, scale) in scale.iter_mut().enumerate() {
         *scale = (sums[lane] / sum)
@@ -129,13 +129,13 @@ fn round(values: &[f32], lanes: usize, pairs: &mut [Pair], scale: &mut [f32]) {
     }
 }
 
-/// `V` in 16-bit integers.
+/// `V'`: `V` scaled point by point and rounded.
 #[derive(Clone, Copy)]
 struct Rounded<'a> {
     factors: &'a [f32],
 }
 
-impl Stored for Rounded<'_> {
+impl PointFormat for Rounded<'_> {
     type Value = i16;
 
     #[inline(always)]
@@ -147,36 +147,33 @@ impl Stored for Rounded<'_> {
     }
 }
 
-impl DotKernel for Part<'_, Weights> {
+impl DotKernel for ThreadPart<'_, Int16Kernels> {
     type Output = ();
 
     #[inline(always)]
     fn run<D: Dot>(self, dot: D) {
-        match (self.conv.weights.points, self.conv.weights.shape.kernel) {
-            (6, 3) => self.run_sized::<D, 6, 4>(dot),
-            (8, 3) => self.run_sized::<D, 8, 6>(dot),
-            (8, 5) => self.run_sized::<D, 8, 4>(dot),
-            (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
-        }
+        let (points, kernel) = (self.conv.kernels.points, self.conv.kernels.shape.kernel);
+        run_int16(points, kernel, (self, dot));
     }
 }
 
-impl Part<'_, Weights> {
+impl<D: Dot> TileTask for (ThreadPart<'_, Int16Kernels>, D) {
     #[inline(always)]
-    fn run_sized<D: Dot, const A: usize, const M: usize>(self, dot: D) {
-        let Part {
+    fn run<const A: usize, const M: usize>(self) {
+        let (part, dot) = self;
+        let ThreadPart {
             conv,
-            weights,
-            share,
-        } = self;
+            kernels,
+            tiles,
+        } = part;
         let simd = dot.float();
-        let walk = Walk {
+        let walk = StripWalk {
             conv,
-            share,
-            layout: &weights.layout,
-            widths: blocks(conv.weights.shape.out_channels.div_ceil(D::Float::LANES)),
+            tiles,
+            layout: &kernels.layout,
+            widths: blocks(conv.kernels.shape.out_channels.div_ceil(D::Float::LANES)),
             to: Rounded {
-                factors: &weights.factors,
+                factors: &kernels.factors,
             },
         };
         walk.run::<D::Float, A, M>(
@@ -190,12 +187,12 @@ impl Part<'_, Weights> {
                  m,
                  half,
              }| {
-                let Layout {
+                let KernelLayout {
                     inputs, channels, ..
-                } = weights.layout;
+                } = kernels.layout;
                 let (from, lanes) = ((row * channels + first) * A, vectors * D::Float::LANES);
-                let u = &weights.u[from * inputs..][..A * inputs * lanes];
-                let (v, scale) = (bytemuck::cast_slice(v), &weights.scale[from..][..A * lanes]);
+                let u = &kernels.u[from * inputs..][..A * inputs * lanes];
+                let (v, scale) = (bytemuck::cast_slice(v), &kernels.scale[from..][..A * lanes]);
                 dot.call(Products::<A> {
                     strip,
                     vectors,
@@ -210,7 +207,7 @@ impl Part<'_, Weights> {
     }
 }
 
-/// `M = V U` of one row of points, one block and the tiles of a strip: for each point `[tiles, Cin] x [Cin, lanes]`.
+/// `M = V U` for one row of points, one block, and the tiles of a strip: per point `[tiles, Cin] x [Cin, lanes]`.
 struct Products<'a, const A: usize> {
     strip: &'a Strip<'a>,
     vectors: usize,   // of the block
@@ -233,7 +230,7 @@ impl<const A: usize> DotKernel for Products<'_, A> {
             scale,
             m,
         } = self;
-        let Plan { v_step, v_len, .. } = *strip.plan;
+        let StripPlan { v_step, v_len, .. } = *strip.plan;
         let vector = D::Float::LANES;
         let scales = scale.chunks_exact(scale.len() / A);
         for ((j, u), scale) in u.chunks_exact(u.len() / A).enumerate().zip(scales) {
@@ -259,18 +256,19 @@ impl<const A: usize> DotKernel for Products<'_, A> {
     }
 }
 
-/// The same for groups of the same size.
+/// The same for one point and some groups of equal size.
 struct Groups<'a, const A: usize> {
     count: usize,
     v: &'a [Pair],
     v_len: usize,
     u: &'a [Pair],
     scale: &'a [f32],
-    first: bool, // whether the next point's U is still to be asked for
+    first: bool, // whether these are the first groups, which prefetch the next point's U
     m: &'a mut [f32],
 }
 
 impl<const A: usize> Groups<'_, A> {
+    /// The hot loop, `products`, once per group; then sums become `f32`.
     #[inline(always)]
     fn run<D: Dot, const TILES: usize, const VECTORS: usize>(self, dot: D) {
         if TILES > D::Float::TILE_PIXELS[VECTORS] {
@@ -299,7 +297,16 @@ impl<const A: usize> Groups<'_, A> {
     }
 }
 
-/// The hot loop: the products of `v` (`[TILES, pairs]`) with `u` (`[pairs, VECTORS * LANES]`); on the way asks, if `AHEAD`, for what follows `u`.
+/// The hot loop: the products of `v` (`[TILES, pairs]`) with `u` (`[pairs, VECTORS * LANES]`).
+///
+/// ```text
+/// for each pair j of input channels
+///   w[k] = load of u[j][k]                           VECTORS loads
+///   x    = broadcast of v[i][j]                      TILES broadcasts
+///   sums[i][k] = dot_pairs(x, w[k], sums[i][k])      TILES * VECTORS dot products, 2 products per lane
+/// ```
+///
+/// If `AHEAD`, prefetches what follows `u`: the next point's.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
 fn products<D: Dot, const TILES: usize, const VECTORS: usize, const AHEAD: bool>(
@@ -338,16 +345,15 @@ mod tests {
     use super::*;
     use crate::testing::noise;
 
-    /// Whatever `V` is, the sums of products stay within 32 bits, and integers are worth what they stand for.
     #[test]
-    fn no_sum_overflows() {
+    fn rounded_kernels_of_any_size_cannot_overflow_and_keep_their_values() {
         let lanes = 8;
         for channels in [1, 2, 3, 48, 513, 4000] {
             let mut all = noise(channels * lanes, 1);
             for values in all.chunks_exact_mut(lanes) {
                 (values[0], values[1], values[2]) = (1.0, -1e-20, 0.0);
             }
-            all[3] = 1e6; // beside which the lane's other values vanish
+            all[3] = 1e6; // the lane's other values round to 0
             let mut rounded = vec![[0; 2]; channels.div_ceil(2) * lanes];
             let mut scale = vec![0.0; lanes];
             round(&all, lanes, &mut rounded, &mut scale);
@@ -369,9 +375,8 @@ mod tests {
         }
     }
 
-    /// The largest `V` that random inputs at the ends of the range give is near the bound, and never beyond it.
     #[test]
-    fn bounds_hold() {
+    fn bound_of_each_point_is_the_extreme_over_inputs_at_the_ends_of_the_range() {
         for (low, high) in [(0.0, 2.0), (-1.0, 3.0)] {
             let (bounds, matrix) = (bounds(6, [low, high]), input_matrix(6));
             for (point, bound) in bounds.iter().enumerate() {

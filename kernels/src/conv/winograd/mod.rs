@@ -1,16 +1,17 @@
-//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1 and whatever `fold.rs` makes of others.
+//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1 and what `fold.rs` makes of others.
 //!
-//! An `m x m` tile of outputs depends on an `a x a` tile of inputs, `a = m + k - 1`. Both and the kernel are polynomials
-//! that are multiplied at `a` points (0, pairs such as 1 and -1, infinity), where a product costs one multiplication per point:
+//! The basic idea is polynomial multiplication. An `m x m` tile of outputs depends on an `a x a` tile of inputs,
+//! `a = m + k - 1`. Inputs and kernel are polynomials; evaluated at `a` points (0, pairs such as 1 and -1, infinity),
+//! their product costs one multiplication per point:
 //!
 //! ```text
-//! V = B^T d B              input tile, per input channel              additions
+//! V = B^T d B              input tile d, per input channel            additions
+//! U = G g G^T              kernel g, per pair of channels             once, or per strip of tiles
 //! M = sum over i of U V    a x a matrix products [tiles, Cin] x [Cin, Cout]   all the multiplications
 //! Y = A^T M A              output tile, per output channel            additions
-//! U = G g G^T              kernels
 //! ```
 //!
-//! Multiplications per output, by side of the kernel and points:
+//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost in multiplications per output and pair of channels:
 //!
 //! | `k` | direct | 6 points | 8 points | 10 points |
 //! |---|---|---|---|---|
@@ -18,58 +19,99 @@
 //! | 5 | 25 | 9 | 4 | 2.78 |
 //! | 6 | 36 | | 7.11 | 4 |
 //!
-//! More points round more (about 1e-6 of the outputs' RMS for 8, 1e-5 for 10) and waste more at the border.
-//! Source: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016; the choice of points: Barabasz et al., "Error
-//! analysis and improving the accuracy of Winograd convolution for deep neural networks", 2020.
+//! More points round more (1e-6 of the outputs' RMS for 8 points, 1e-5 for 10) and waste more at the border.
 //!
-//! In `f32`, `U` is kept and read on large maps (`kept.rs`); on small ones it would take longer to read than to multiply with, and is made
-//! where it is used (`anew.rs`). On 16-bit integers (`int16.rs`) it has half the size, and is kept.
+//! Sources: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016. The choice of points: Barabasz et
+//! al., "Error analysis and improving the accuracy of Winograd convolution for deep neural networks", 2020.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `points.rs` | the points, and the matrices `B^T`, `G` and `A^T` that follow from them |
+//! | `transforms.rs` | `V = B^T d B` and `Y = A^T M A` of tiles |
+//! | `strips.rs` | the walk over a map, strip by strip, where `U` is stored |
+//! | `stored.rs` | products with a stored `U`: 5x5 and 6x6 kernels |
+//! | `on_the_fly.rs` | products with a `U` made where it is used: 3x3 kernels |
+//! | `int16.rs` | products of 16-bit integers, `U` stored at half the size |
+//!
+//! Whether to store `U` is a question of bandwidth. A 3x3 kernel's `U` has 4 to 7 times as many values as the kernel,
+//! and small maps have too few tiles to make up for reading them.
 
-mod anew;
 mod int16;
-mod kept;
+mod on_the_fly;
 mod points;
+mod stored;
 mod strips;
 mod transforms;
 
-use super::{ConvShape, fold};
-use crate::par::{Share, Threads, Tiling};
+use super::{Arithmetic, ConvShape, Points, fold};
+use crate::par::{ThreadTiles, Threads, Tiling};
 use crate::quant::Quantization;
 use crate::simd::Line;
 use crate::{Aligned, Isa, Size};
-pub(super) use kept::is_short;
 pub use points::{MAX_KERNEL, kernel_row, pairs, share};
-pub use transforms::{AsIs, Lines, Steps, Stored, lines_len};
+pub(super) use stored::is_short;
+pub use transforms::{AsIs, Lines, PointFormat, Steps, lines_len};
+
+/// Something to do that is compiled once per size of tiles: `A` points and `M` outputs along one side.
+trait TileTask {
+    fn run<const A: usize, const M: usize>(self);
+}
+
+/// Defines lists of sizes, and for each a function that runs a [`TileTask`] with one of them as constants.
+macro_rules! sizes {
+    ($($list:ident, $run:ident: $(($points:literal, $kernel:literal))*;)*) => {$(
+        const $list: &[(usize, usize)] = &[$(($points, $kernel)),*];
+
+        #[inline(always)]
+        fn $run(points: usize, kernel: usize, task: impl TileTask) {
+            match (points, kernel) {
+                $(($points, $kernel) => task.run::<$points, { $points + 1 - $kernel }>(),)*
+                _ => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
+            }
+        }
+    )*};
+}
+
+// Every size that there is code for, (points, side of the kernel), by the form of the kernels. `fits` asks these lists.
+sizes! {
+    ON_THE_FLY, run_on_the_fly: (6, 3) (8, 3);
+    STORED, run_stored: (6, 5) (8, 5) (10, 5) (8, 6) (10, 6);
+    INT16, run_int16: (6, 3) (8, 3) (8, 5);
+}
+
+/// Whether there is code for `shape`, made one of stride 1.
+pub(super) fn fits(shape: &ConvShape, points: Points, arithmetic: Arithmetic) -> bool {
+    let size = (points.count(), fold::unstrided(shape).kernel);
+    match arithmetic {
+        Arithmetic::F32 => ON_THE_FLY.contains(&size) || STORED.contains(&size),
+        Arithmetic::Int16(_) => shape.stride == 1 && INT16.contains(&size),
+    }
+}
 
 /// Kernels of one layer.
 #[derive(Clone, Debug)]
-pub(super) struct Weights {
-    shape: ConvShape, // without stride
+pub(super) struct WinogradKernels {
+    shape: ConvShape, // of stride 1
     points: usize,    // a
-    kernels: Kernels,
+    form: Form,
 }
 
+/// The form in which kernels are held.
 #[derive(Clone, Debug)]
-enum Kernels {
-    Kept(kept::Weights),
-    Anew(anew::Weights),
-    Int16(int16::Weights),
+enum Form {
+    Stored(stored::StoredKernels),
+    OnTheFly(on_the_fly::PackedKernels),
+    Int16(int16::Int16Kernels),
 }
 
-/// Whether there is an algorithm of `points` for the kernel without its stride.
-pub(super) fn fits(shape: &ConvShape, points: usize) -> bool {
-    [(6, 3), (8, 3), (6, 5), (8, 5), (10, 5), (8, 6), (10, 6)]
-        .contains(&(points, fold::unstrided(shape).kernel))
-}
-
-/// Whether there is one on 16-bit integers.
-pub(super) fn fits_int16(shape: &ConvShape, points: usize) -> bool {
-    shape.stride == 1 && [(6, 3), (8, 3), (8, 5)].contains(&(points, shape.kernel))
-}
-
-impl Weights {
-    /// From `[Cout, k, k, Cin]`.
-    pub(super) fn new(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Weights {
+impl WinogradKernels {
+    /// Lays out `weights` (`[Cout, k, k, Cin]`) for products in `f32`.
+    pub(super) fn new(
+        isa: Isa,
+        shape: &ConvShape,
+        points: usize,
+        weights: &[f32],
+    ) -> WinogradKernels {
         let inner = fold::unstrided(shape);
         let folded;
         let weights = if shape.stride > 1 {
@@ -78,74 +120,66 @@ impl Weights {
         } else {
             weights
         };
-        let kernels = if inner.kernel == anew::KERNEL {
-            Kernels::Anew(anew::Weights::new(isa, &inner, weights))
+        let form = if ON_THE_FLY.contains(&(points, inner.kernel)) {
+            Form::OnTheFly(on_the_fly::PackedKernels::new(isa, &inner, weights))
         } else {
-            Kernels::Kept(kept::Weights::new(isa, &inner, points, weights))
+            Form::Stored(stored::StoredKernels::new(isa, &inner, points, weights))
         };
-        Weights {
+        WinogradKernels {
             shape: inner,
             points,
-            kernels,
+            form,
         }
     }
 
-    /// From `[Cout, k, k, Cin]`, on 16-bit integers.
+    /// Lays out `weights` (`[Cout, k, k, Cin]`) for products of 16-bit integers with inputs in the range of `input`.
     pub(super) fn int16(
         isa: Isa,
         shape: &ConvShape,
         points: usize,
         weights: &[f32],
         input: Quantization,
-    ) -> Weights {
+    ) -> WinogradKernels {
         let shape = fold::unstrided(shape);
-        let kernels = Kernels::Int16(int16::Weights::new(isa, &shape, points, weights, input));
-        Weights {
+        let form = Form::Int16(int16::Int16Kernels::new(
+            isa, &shape, points, weights, input,
+        ));
+        WinogradKernels {
             shape,
             points,
-            kernels,
+            form,
         }
     }
 
-    /// The range of inputs, if it is on 16-bit integers.
-    pub(super) fn input(&self) -> Option<Quantization> {
-        if let Kernels::Int16(weights) = &self.kernels {
-            Some(weights.input)
-        } else {
-            None
-        }
-    }
-
-    /// The convolution without its stride.
+    /// The convolution, of stride 1.
     pub(super) fn shape(&self) -> &ConvShape {
         &self.shape
     }
 
+    /// Points along one side of a tile.
     pub(super) fn points(&self) -> usize {
         self.points
     }
 
-    /// Scratch values for an output of size `out`.
+    /// Scratch values for an output of size `out` on all threads.
     pub(super) fn scratch_len(&self, out: Size, threads: &Threads) -> usize {
-        let Weights {
+        let WinogradKernels {
             shape,
             points,
-            ref kernels,
+            ref form,
         } = *self;
-        let each = match kernels {
-            Kernels::Kept(weights) => weights.layout.scratch_len(&shape, points, out),
-            Kernels::Anew(weights) => anew::scratch_len(weights, &shape, points, out),
-            Kernels::Int16(weights) => weights.layout.scratch_len(&shape, points, out),
+        let per_thread = match form {
+            Form::Stored(kernels) => kernels.layout.scratch_len(&shape, points, out),
+            Form::OnTheFly(kernels) => on_the_fly::scratch_len(kernels, &shape, points, out),
+            Form::Int16(kernels) => kernels.layout.scratch_len(&shape, points, out),
         };
-        each * threads.count()
+        per_thread * threads.count()
     }
 
-    /// The tiles of a map of so many columns.
+    /// How a map of `width` columns is cut into tiles.
     fn tiling(&self, width: usize) -> Tiling {
-        let (rows, channels) = (
-            rows_per_tile(&self.shape, self.points),
-            self.shape.out_channels,
-        );
+        let rows = rows_per_tile(&self.shape, self.points);
+        let channels = self.shape.out_channels;
         Tiling {
             row_len: width * channels,
             rows,
@@ -157,51 +191,51 @@ impl Weights {
 /// One convolution without padding.
 pub(super) struct Winograd<'a> {
     pub isa: Isa,
-    pub weights: &'a Weights,
+    pub kernels: &'a WinogradKernels,
     pub bias: &'a [f32],  // [Cout]
     pub input: &'a [f32], // [size.h, size.w, Cin], padding included
     pub size: Size,
 }
 
 impl Winograd<'_> {
-    /// Convolves into `out` (`[H', W', Cout]`); `scratch` is of [`Weights::scratch_len`].
+    /// Convolves into `out` (`[H', W', Cout]`); `scratch` has [`WinogradKernels::scratch_len`] values.
     pub(super) fn run(&self, threads: &Threads, out: &mut [f32], scratch: &mut [f32]) {
         let tiling = self
-            .weights
-            .tiling(self.weights.shape.out_size(self.size).w);
-        threads.split_tiles(out, tiling, scratch, |share| match &self.weights.kernels {
-            Kernels::Kept(weights) => self.isa.run(Part {
+            .kernels
+            .tiling(self.kernels.shape.out_size(self.size).w);
+        threads.split_tiles(out, tiling, scratch, |tiles| match &self.kernels.form {
+            Form::Stored(kernels) => self.isa.run(ThreadPart {
                 conv: self,
-                weights,
-                share,
+                kernels,
+                tiles,
             }),
-            Kernels::Anew(weights) => self.isa.run(Part {
+            Form::OnTheFly(kernels) => self.isa.run(ThreadPart {
                 conv: self,
-                weights,
-                share,
+                kernels,
+                tiles,
             }),
-            Kernels::Int16(weights) => self.isa.run_dot(Part {
+            Form::Int16(kernels) => self.isa.run_dot(ThreadPart {
                 conv: self,
-                weights,
-                share,
+                kernels,
+                tiles,
             }),
         });
     }
 }
 
-/// A thread's part of the output, with the kernels laid out for one way or another.
-struct Part<'a, W> {
+/// One thread's part of a convolution, with kernels in one of the three forms.
+struct ThreadPart<'a, K> {
     conv: &'a Winograd<'a>,
-    weights: &'a W,
-    share: Share<'a>,
+    kernels: &'a K,
+    tiles: ThreadTiles<'a>,
 }
 
-/// Output rows of one row of tiles.
+/// Output rows of one row of tiles: `m`.
 pub(super) fn rows_per_tile(shape: &ConvShape, points: usize) -> usize {
     points + 1 - shape.kernel
 }
 
-/// `[Cout, k, k, Cin]` as `[block][Cin][vectors of the block][k * k][LANES]`, zeros behind the last channel.
+/// Lays out `[Cout, k, k, Cin]` as `[block][Cin][vectors of the block][k * k][LANES]`, zeros after the last channel.
 fn pack(
     isa: Isa,
     shape: &ConvShape,
@@ -227,17 +261,18 @@ fn pack(
     packed.as_slice().into()
 }
 
-/// Values in a cache line.
+/// Values of a cache line.
 const LINE: usize = size_of::<Line>() / size_of::<f32>();
 
-/// From the start of one run of `values` to that of the next: one cache line more than needed, lest the runs' lines fall on each other in the
-/// cache.
+/// Distance between the starts of runs of `values`: whole cache lines, and one more.
+///
+/// A distance of a power of two would map the same place of every run to the same set of the cache.
 #[inline(always)]
 fn step(values: usize) -> usize {
     values.next_multiple_of(LINE) + LINE
 }
 
-/// `scratch` from the start of a cache line on, so that no vector lies across two: up to a line less of it.
+/// `scratch` from its first start of a cache line on, so that no vector lies across two lines.
 #[inline(always)]
 fn from_line(scratch: &mut [f32]) -> &mut [f32] {
     let start = scratch.as_ptr().align_offset(align_of::<Line>()).min(LINE);

@@ -1,9 +1,20 @@
-//! The matrices of Winograd's algorithm, for one line: they follow from the points at which polynomials are multiplied.
+//! The points at which polynomials are multiplied, and the matrices `B^T`, `G` and `A^T` that follow from them.
+//!
+//! `a` points: 0, then pairs `q, -q`, then infinity. Pairs halve the work: even and odd powers are summed once, and their
+//! sum and difference are the values at `q` and `-q`. Sources as in `winograd/mod.rs`.
+//!
+//! ```text
+//! G[i][j]   = q_i^j                                         the kernel's value at point i
+//! B^T[i]    = coefficients of the product of x - q over all other finite points q
+//! A^T[j][i] = share_i * q_i^j                               share_i = 1 / product of q_i's distances to them
+//! ```
 
 use crate::simd::{Portable, Simd};
 
-/// The finite points but 0, each of which comes with both signs: two for 6 points, three for 8, four for 10. Fractions with a power of
-/// two below the line, so that the matrices that follow from them are exact; the four are those with the smallest error.
+/// The positive points of the pairs: two for 6 points, three for 8, four for 10.
+///
+/// They are fractions whose denominators are powers of two, so that the matrices are exact in `f32`. The four have the
+/// smallest error of all such.
 pub const fn pairs(points: usize) -> [f32; MAX_PAIRS] {
     match points {
         10 => [0.5, 0.875, 1.25, 2.5],
@@ -11,13 +22,13 @@ pub const fn pairs(points: usize) -> [f32; MAX_PAIRS] {
     }
 }
 
-/// Longest side of a kernel, and of a tile's outputs.
+/// Largest side of a kernel, and of a tile's outputs.
 pub const MAX_KERNEL: usize = 6;
 
 /// Most pairs of points.
 const MAX_PAIRS: usize = 4;
 
-/// Powers of the pairs' positive points times the pair's share: `[pair][exponent]`.
+/// Powers of the pairs' positive points, times the pair's share: `[pair][exponent]`.
 const fn shared_powers(points: usize) -> [[f32; MAX_KERNEL]; MAX_PAIRS] {
     let mut powers = [[0.0; MAX_KERNEL]; MAX_PAIRS];
     let mut pair = 0;
@@ -33,7 +44,7 @@ const fn shared_powers(points: usize) -> [[f32; MAX_KERNEL]; MAX_PAIRS] {
     powers
 }
 
-/// Coefficients, by rising powers of `z`, of the product of `z - q^2` over all pairs `q`, `-q` but the one of index `skip`.
+/// Coefficients, by rising powers of `z`, of the product of `z - q^2` over all pairs `q, -q` but pair number `skip`.
 const fn product(points: usize, skip: usize) -> [f32; MAX_PAIRS + 1] {
     let mut coefficients = [0.0; MAX_PAIRS + 1];
     coefficients[0] = 1.0;
@@ -66,7 +77,7 @@ pub fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; MAX_KERNEL] {
     row
 }
 
-/// Point `i`; 0 for that at infinity.
+/// Point `i`; 0 for the one at infinity.
 #[inline(always)]
 pub(super) fn point(points: usize, i: usize) -> f32 {
     match i {
@@ -76,7 +87,7 @@ pub(super) fn point(points: usize, i: usize) -> f32 {
     }
 }
 
-/// What the product at point `i` counts in the outputs: 1 by the product of its distances to the other finite points.
+/// The factor of the product at point `i` in the outputs: 1 / the product of its distances to the other finite points.
 pub const fn share(points: usize, i: usize) -> f32 {
     if i == points - 1 {
         return 1.0;
@@ -96,18 +107,13 @@ pub const fn share(points: usize, i: usize) -> f32 {
     (1.0 / if i == 0 { value } else { 2.0 * square * value }) as f32
 }
 
-/// `G` for `A` points.
-#[inline(always)]
-pub(super) fn kernel_matrix<const A: usize>(kernel: usize) -> [[f32; MAX_KERNEL]; A] {
-    std::array::from_fn(|i| kernel_row(A, kernel, i))
-}
-
-/// `B^T d` for one line of inputs: the coefficients of the product of all `x - q`, `q` the other finite points.
+/// `B^T d` for one line of inputs.
 #[inline(always)]
 pub(super) fn input_points<S: Simd, const A: usize>(simd: S, d: &[S::F32; A]) -> [S::F32; A] {
     let count = const { (A - 2) / 2 };
     let all = const { product(A, MAX_PAIRS) };
     let others = const { [product(A, 0), product(A, 1), product(A, 2), product(A, 3)] };
+    // Every row of B^T has only even or only odd powers, but for the factor x of its own pair's sum.
     let mut t = [simd.zero(); A];
     t[0] = every_other::<S, A>(simd, &all, count + 1, d, 0);
     t[A - 1] = every_other::<S, A>(simd, &all, count + 1, d, 1);
@@ -121,7 +127,7 @@ pub(super) fn input_points<S: Simd, const A: usize>(simd: S, d: &[S::F32; A]) ->
     t
 }
 
-/// Every other value of `d` from `first` on times its coefficient, of which the last is 1.
+/// Every other value of `d` from `first` on, times its coefficient; the last coefficient is 1.
 #[inline(always)]
 fn every_other<S: Simd, const A: usize>(
     simd: S,
@@ -137,7 +143,7 @@ fn every_other<S: Simd, const A: usize>(
     sum
 }
 
-/// `A^T m` for one line of products: `y[j] = sum over points of point^j m` times the point's share.
+/// `A^T m` for one line of products: `y[j] = sum over points i of share_i * q_i^j * m[i]`.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
 pub(super) fn output_values<S: Simd, const A: usize, const M: usize>(
@@ -164,7 +170,7 @@ pub(super) fn output_values<S: Simd, const A: usize, const M: usize>(
     y
 }
 
-/// `B^T`, a row per point.
+/// `B^T`, one row per point.
 pub(super) fn input_matrix(points: usize) -> Vec<Vec<f32>> {
     match points {
         6 => input_rows::<6>(),
@@ -173,7 +179,7 @@ pub(super) fn input_matrix(points: usize) -> Vec<Vec<f32>> {
     }
 }
 
-/// The same: what becomes of each unit vector.
+/// `B^T` for `A` points: the transforms of the unit vectors are its columns.
 fn input_rows<const A: usize>() -> Vec<Vec<f32>> {
     let column = |j: usize| {
         let unit: [_; A] = std::array::from_fn(|i| Portable.splat(f32::from(u8::from(i == j))));

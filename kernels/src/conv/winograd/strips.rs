@@ -1,24 +1,30 @@
-//! The walk over a map by strips of tiles, for both ways in which `U` is kept, and the scratch space for a strip.
+//! The walk over a map by strips of tiles, where `U` is stored in `f32` or `i16`, and the scratch space of a strip.
+//!
+//! A strip is as many tiles as fit the L2 cache together with a part of `U`. Longer strips would push `V` out of the cache
+//! before all output channels have passed over it; shorter ones would read `U` more often.
 
 use super::super::ConvShape;
-use super::transforms::{InputTiles, OutputBlock, OutputTiles, Steps, Stored, Tiles, lines_len};
+use super::transforms::{
+    InputTiles, OutputBlock, OutputTiles, PointFormat, Steps, Tiles, lines_len,
+};
 use super::{LINE, Winograd, from_line, rows_per_tile, step};
-use crate::par::Share;
+use crate::par::ThreadTiles;
 use crate::simd::Simd;
 use crate::{Isa, Size};
 use bytemuck::Pod;
 use std::ops::Range;
 
-/// Values of `V` and `M A` in a strip: so many, or this share of those of `U`. Smaller strips read `U` more often; of larger
-/// ones less is still in the caches when it is needed again.
+/// Most values of `V` and `M A` in a strip, unless [`STRIP_SHARE`] allows more.
 const STRIP_VALUES: usize = 256 << 10;
+
+/// Most values of `V` and `M A` in a strip, as a fraction of those of `U`: reading `U` again must be worth it.
 const STRIP_SHARE: usize = 8;
 
-/// How a map is cut into tiles, and the scratch space for a strip of them.
+/// How a map is cut into strips, and the scratch space for one.
 ///
-/// `V` lies group by group (as many tiles as a register tile takes), in a group point by point: its transform, which
-/// touches all points of a tile, stays within few pages of memory.
-pub(super) struct Plan {
+/// `V` lies group by group (as many tiles as a register tile takes), and in a group point by point. The input transform
+/// touches all points of a tile, and so stays within few pages of memory.
+pub(super) struct StripPlan {
     pub across: usize,    // tiles in a row
     pub strip: usize,     // most tiles in a strip
     lines_len: usize,     // B^T d of a row of tiles
@@ -29,21 +35,25 @@ pub(super) struct Plan {
     pub half_step: usize, // from one row of points of M A to the next
 }
 
-/// How kept kernels lie, on which the cut depends besides the map.
+/// What the cut into strips has to know about the stored kernels.
 #[derive(Clone, Debug)]
-pub(super) struct Layout {
+pub(super) struct KernelLayout {
     pub inputs: usize, // values of 32 bits in V and U, per point and tile or output channel
     pub channels: usize, // Cout, in whole vectors
     pub lanes: usize,  // of the widest block
     pub group: usize,  // most tiles that are multiplied at a time
 }
 
-impl Layout {
-    /// For blocks of such `widths`, in vectors; register tiles take as many tiles as they hold.
-    pub fn new(isa: Isa, inputs: usize, widths: impl Iterator<Item = usize> + Clone) -> Layout {
+impl KernelLayout {
+    /// For blocks of such `widths`, in vectors, and the largest register tiles.
+    pub fn new(
+        isa: Isa,
+        inputs: usize,
+        widths: impl Iterator<Item = usize> + Clone,
+    ) -> KernelLayout {
         let widest = widths.clone().max().unwrap_or(0);
         let channels = widths.sum::<usize>() * isa.lanes();
-        Layout {
+        KernelLayout {
             inputs,
             channels,
             lanes: widest * isa.lanes(),
@@ -53,16 +63,16 @@ impl Layout {
 
     /// Scratch values per thread.
     pub fn scratch_len(&self, shape: &ConvShape, points: usize, out: Size) -> usize {
-        LINE + Plan::new(self, shape, points, out)
+        LINE + StripPlan::new(self, shape, points, out)
             .lens(points)
             .iter()
             .sum::<usize>()
     }
 }
 
-impl Plan {
-    fn new(layout: &Layout, shape: &ConvShape, points: usize, out: Size) -> Plan {
-        let Layout {
+impl StripPlan {
+    fn new(layout: &KernelLayout, shape: &ConvShape, points: usize, out: Size) -> StripPlan {
+        let KernelLayout {
             inputs,
             channels,
             lanes,
@@ -70,6 +80,7 @@ impl Plan {
         } = *layout;
         let m = rows_per_tile(shape, points);
         let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
+        // Strips of equal length, which are whole groups of tiles.
         let per_tile = points * (points * inputs + m * channels); // of V and M A
         let most = STRIP_VALUES.max(points * points * inputs * channels / STRIP_SHARE) / per_tile;
         let strips = (across * down).div_ceil(most.max(group));
@@ -80,7 +91,7 @@ impl Plan {
             strip
         };
         let v_step = step(group * inputs);
-        Plan {
+        StripPlan {
             across,
             strip,
             lines_len: lines_len(points, (across - 1) * m + points, shape.in_channels),
@@ -92,7 +103,7 @@ impl Plan {
         }
     }
 
-    /// Values on the way to `V`, of `V`, of a row of `M`, and of `M A`.
+    /// Values of `B^T d` of a row of tiles, of `V`, of a row of `M`, and of `M A`.
     fn lens(&self, points: usize) -> [usize; 4] {
         let groups = self.strip.div_ceil(self.group);
         [
@@ -104,14 +115,14 @@ impl Plan {
     }
 }
 
-/// Some tiles, counted along the rows from a thread's first.
+/// Consecutive tiles, counted along the rows from the first tile in a thread's first row.
 pub(super) struct Strip<'a> {
-    pub plan: &'a Plan,
+    pub plan: &'a StripPlan,
     pub tiles: Range<usize>,
 }
 
 impl Strip<'_> {
-    /// The groups as two runs of equal ones, the larger first: how many there are, and of how many tiles each.
+    /// The groups as two runs, the larger groups first: how many groups, and of how many tiles each.
     #[inline(always)]
     pub fn runs(&self) -> [(usize, usize); 2] {
         let groups = self.tiles.len().div_ceil(self.plan.group);
@@ -119,7 +130,7 @@ impl Strip<'_> {
         [(larger, tiles + 1), (groups - larger, tiles)]
     }
 
-    /// Where each tile's V begins, of so many `inputs` per point.
+    /// Where each tile's V begins, with `inputs` values per point.
     #[inline(always)]
     fn places(&self, inputs: usize) -> impl Iterator<Item = usize> {
         let v_len = self.plan.v_len;
@@ -133,16 +144,16 @@ impl Strip<'_> {
     }
 }
 
-/// A thread's part of a map, on which `V` is held as `to` holds it.
-pub(super) struct Walk<'a, W, T> {
+/// The walk over a thread's tiles.
+pub(super) struct StripWalk<'a, W, T> {
     pub conv: &'a Winograd<'a>,
-    pub share: Share<'a>,
-    pub layout: &'a Layout,
+    pub tiles: ThreadTiles<'a>,
+    pub layout: &'a KernelLayout,
     pub widths: W, // of the blocks, in vectors
-    pub to: T,
+    pub to: T,     // the format of V
 }
 
-/// What is to be multiplied at a time: a row of points, a block of output channels, and the tiles of a strip.
+/// What is multiplied in one step: a row of points, a block of output channels, and the tiles of a strip.
 pub(super) struct Block<'a> {
     pub strip: &'a Strip<'a>,
     pub row: usize,
@@ -150,41 +161,41 @@ pub(super) struct Block<'a> {
     pub vectors: usize,
     pub v: &'a [f32],        // of the row's first point and the first group
     pub m: &'a mut [f32],    // room for [tiles * vectors][A][LANES]: the row of M
-    pub half: &'a mut [f32], // [tiles * vectors][M][LANES]: what is to become the row of M A
+    pub half: &'a mut [f32], // [tiles * vectors][M][LANES]: the row of M A, to be written
 }
 
-impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
-    /// All strips; `multiply` turns `V` into `M A`.
+impl<W: Iterator<Item = usize> + Clone, T: PointFormat<Value: Pod>> StripWalk<'_, W, T> {
+    /// Computes all strips; `multiply` turns `V` into `M A`, block by block.
     #[inline(always)]
     pub fn run<S: Simd, const A: usize, const M: usize>(
         self,
         simd: S,
         mut multiply: impl FnMut(Block<'_>),
     ) {
-        let Walk {
+        let StripWalk {
             conv,
-            share,
+            tiles,
             layout,
             widths,
             to,
         } = self;
-        let Share {
+        let ThreadTiles {
             first_row,
             tiles: all,
             mut map,
             scratch,
-        } = share;
+        } = tiles;
         let Winograd {
             bias, input, size, ..
         } = *conv;
-        let shape = &conv.weights.shape;
+        let shape = &conv.kernels.shape;
         let ConvShape {
             in_channels: channels,
             relu,
             ..
         } = *shape;
         let out = shape.out_size(size);
-        let plan = &Plan::new(layout, shape, A, out);
+        let plan = &StripPlan::new(layout, shape, A, out);
         let [lines_len, v_len, m_len, _] = plan.lens(A);
         let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
         let (v, scratch) = scratch.split_at_mut(v_len);
@@ -200,6 +211,7 @@ impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
                 across: plan.across,
                 range: strip.tiles.clone(),
             };
+            // V of the strip's tiles.
             simd.call(InputTiles::<_, _, A, M> {
                 input,
                 size,
@@ -215,6 +227,7 @@ impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
                 },
                 to,
             });
+            // M A, a row of points at a time. Blocks are the inner loop: the row's V stays in the cache.
             for (row, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
                 let mut first = 0;
                 for vectors in widths.clone() {
@@ -230,6 +243,7 @@ impl<W: Iterator<Item = usize> + Clone, T: Stored<Value: Pod>> Walk<'_, W, T> {
                     first += vectors * S::LANES;
                 }
             }
+            // Outputs, block by block.
             let mut first = 0;
             for vectors in widths.clone() {
                 let last = bias.len().min(first + vectors * S::LANES);

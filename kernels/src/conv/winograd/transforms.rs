@@ -1,13 +1,22 @@
-//! The transforms of input tiles, and of products to outputs.
+//! The transforms of Winograd's algorithm: input tiles to points, `V = B^T d B`, and products to outputs, `Y = A^T M A`.
+//!
+//! Shapes: `[a, a] -> [a, a]` per tile and input channel; `[a, a] -> [m, m]` per tile and output channel. Cost: about `2 a`
+//! multiply-adds per line of `a` values in each direction; see `Algorithm::plan` for their share.
+//!
+//! Both are done one direction after the other, on a vector of channels at a time:
+//!
+//! - Columns first: neighboring tiles overlap in `k - 1` columns, and share `B^T d` of a whole row of tiles ([`Lines`]).
+//! - `M A` follows each row of points at once ([`HalfOutputs`]), `A^T (M A)` follows when all rows are multiplied
+//!   ([`OutputTiles`]), and adds bias and ReLU on the way.
 
 use super::points::{input_points, output_values};
 use super::step;
 use crate::Size;
-use crate::par::{MapPart, TileRows};
+use crate::par::{OutputPart, TileRows};
 use crate::simd::{Kernel, Simd};
 use std::ops::Range;
 
-/// Some tiles of `m x m` outputs, counted along the rows of a map.
+/// Consecutive tiles of `m x m` outputs, counted along the rows of a map.
 #[derive(Clone)]
 pub(super) struct Tiles {
     pub across: usize, // in a row
@@ -15,7 +24,7 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Which row of tiles one is in, and which column.
+    /// A tile's row of tiles, and its column.
     #[inline(always)]
     fn place(&self, tile: usize) -> (usize, usize) {
         (tile / self.across, tile % self.across)
@@ -23,20 +32,20 @@ impl Tiles {
 }
 
 /// `V = B^T d B` of some tiles.
-pub(super) struct InputTiles<'a, P, T: Stored, const A: usize, const M: usize> {
+pub(super) struct InputTiles<'a, P, T: PointFormat, const A: usize, const M: usize> {
     pub input: &'a [f32], // [size.h, size.w, channels]
     pub size: Size,
     pub channels: usize,
-    pub first_row: usize, // of the outputs that tile 0 has
+    pub first_row: usize, // of tile 0's outputs
     pub tiles: Tiles,
     pub lines: &'a mut [f32], // room for B^T d of a row of tiles
     pub v: &'a mut [T::Value],
-    pub places: P, // of each tile in V
+    pub places: P, // where each tile's V begins
     pub steps: Steps,
     pub to: T,
 }
 
-impl<P: Iterator<Item = usize>, T: Stored, const A: usize, const M: usize> Kernel
+impl<P: Iterator<Item = usize>, T: PointFormat, const A: usize, const M: usize> Kernel
     for InputTiles<'_, P, T, A, M>
 {
     type Output = ();
@@ -57,7 +66,8 @@ impl<P: Iterator<Item = usize>, T: Stored, const A: usize, const M: usize> Kerne
         } = self;
         let mut first = tiles.range.start;
         while first < tiles.range.end {
-            let count = (tiles.across - first % tiles.across).min(tiles.range.end - first); // in this row
+            // The tiles of one row at a time: they share B^T d.
+            let count = (tiles.across - first % tiles.across).min(tiles.range.end - first);
             let (band, column) = tiles.place(first);
             let mut lines = Lines {
                 values: &mut *lines,
@@ -73,20 +83,20 @@ impl<P: Iterator<Item = usize>, T: Stored, const A: usize, const M: usize> Kerne
     }
 }
 
-/// What `V` is held in.
-pub trait Stored: Copy {
-    /// One value of it.
+/// The format in which `V` is held.
+pub trait PointFormat: Copy {
+    /// One value.
     type Value;
 
-    /// Writes a vector of a point, which are counted row by row.
+    /// Writes a vector of point number `point`, counted row by row.
     fn store<S: Simd>(self, simd: S, point: usize, v: S::F32, out: &mut [Self::Value]);
 }
 
-/// `V` in `f32`, as it is.
+/// `V` in `f32`.
 #[derive(Clone, Copy, Debug)]
 pub struct AsIs;
 
-impl Stored for AsIs {
+impl PointFormat for AsIs {
     type Value = f32;
 
     #[inline(always)]
@@ -95,7 +105,7 @@ impl Stored for AsIs {
     }
 }
 
-/// How far apart the values of one tile's `V` are.
+/// Distances between the values of one tile's `V`.
 #[derive(Clone, Copy, Debug)]
 pub struct Steps {
     /// From one point to the next.
@@ -104,9 +114,9 @@ pub struct Steps {
     pub vector: usize,
 }
 
-/// `B^T d` of a row of tiles, which share the columns in which they overlap.
+/// `B^T d` of a row of tiles, which share the columns where they overlap.
 pub struct Lines<'a> {
-    /// `[A][columns, channels]` and a vector's room behind each of the `A` lines: [`lines_len`] values.
+    /// `[A][columns, channels]`, with room for one vector after each of the `A` lines: [`lines_len`] values.
     pub values: &'a mut [f32],
     /// Columns of all tiles together.
     pub columns: usize,
@@ -120,7 +130,7 @@ pub fn lines_len(points: usize, columns: usize, channels: usize) -> usize {
 }
 
 impl Lines<'_> {
-    /// Takes the columns from `(y, x)` on out of `input` (`[size.h, size.w, channels]`); beyond the map everything counts as 0.
+    /// Transforms the columns of `input` (`[size.h, size.w, channels]`) from `(y, x)` on; values outside the map are 0.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the line in registers
     pub fn fill<S: Simd, const A: usize>(
@@ -136,6 +146,7 @@ impl Lines<'_> {
         let (rows, len) = (A.min(size.h - y), columns.min(size.w - x) * channels);
         let (from_step, to_step) = (size.w * channels, step(columns * channels));
         let input = &input[y * from_step + x * channels..];
+        // Columns and channels are one run of values here: whole vectors, whatever the number of channels.
         for at in starts(len, S::LANES) {
             let mut d = [simd.zero(); A];
             for i in 0..rows {
@@ -155,13 +166,13 @@ impl Lines<'_> {
         }
     }
 
-    /// `V = B^T d B` of the tile that begins in `column`, its first channel at point 0 to the start of `v`.
+    /// `V = B^T d B` of the tile that begins in `column`; `v` begins with its first channel at point 0.
     ///
-    /// Whole vectors are written: what they reach beyond the last channel means nothing, the next tile overwrites it, and behind the last
-    /// tile there must be room for it.
+    /// Writes whole vectors. What they hold after the last channel is meaningless: the next tile overwrites it, and after
+    /// the last tile there must be room for it.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // as above
-    pub fn tile<S: Simd, T: Stored, const A: usize>(
+    #[allow(clippy::needless_range_loop)] // constant indices keep the line in registers
+    pub fn tile<S: Simd, T: PointFormat, const A: usize>(
         &self,
         simd: S,
         column: usize,
@@ -194,14 +205,14 @@ impl Lines<'_> {
     }
 }
 
-/// Where the vectors begin that cover `len` values: the last one reaches back where it would reach beyond.
+/// Starts of the vectors that cover `len` values; the last one overlaps its neighbor rather than exceed `len`.
 #[inline(always)]
 fn starts(len: usize, lanes: usize) -> impl Iterator<Item = usize> {
     let last = len.saturating_sub(lanes);
     (0..len).step_by(lanes).map(move |at| at.min(last))
 }
 
-/// Row `i` of `M A`, of some tiles: half of the output's transform, as soon as a row of points is multiplied.
+/// One row of `M A` of some tiles: half of the output transform, as soon as a row of points is multiplied.
 pub(super) struct HalfOutputs<'a, const A: usize, const M: usize> {
     pub m: &'a [f32],        // [tiles * vectors][A][LANES]: a row of M
     pub half: &'a mut [f32], // [tiles * vectors][M][LANES]: the same row of M A
@@ -226,15 +237,15 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
     }
 }
 
-/// `Y = A^T M A`, bias and floor, of some tiles and one block: the outputs as far as they lie within the map.
+/// `Y = A^T (M A)`, bias and ReLU, of some tiles and one block: the outputs that lie within the map.
 pub(super) struct OutputTiles<'a, 'b, const A: usize, const M: usize> {
     pub tiles: Tiles,
-    pub map: &'a mut MapPart<'b>, // [rows, width, channels]
+    pub map: &'a mut OutputPart<'b>, // [rows, width, channels]
     pub width: usize,
     pub block: OutputBlock<'a>,
 }
 
-/// The channels of a block, on their way from `M A` to outputs.
+/// `M A` of one block of output channels, and what turns it into outputs.
 pub(super) struct OutputBlock<'a> {
     pub vectors: usize,
     pub half: &'a [f32],  // A times [tiles][vectors][M][LANES]: M A
@@ -260,7 +271,7 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
         for (i, tile) in tiles.range.clone().enumerate() {
             let (band, column) = tiles.place(tile);
             let (rows, columns) = (M.min(height - band * M), M.min(width - column * M));
-            // The same three times, so that the usual one has a single slice to write to, and a constant number of rows.
+            // Three copies: the usual case has one slice to write to, and a constant number of rows.
             match map.tile(band, column) {
                 TileRows::Whole(values, row_len) if rows == M => {
                     block.tile::<S, A, M>(simd, i, (M, columns), |y, at, value| {
@@ -283,7 +294,7 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
 }
 
 impl OutputBlock<'_> {
-    /// Hands what is there of a tile's `rows` and `columns` to `write`: a row, where in it, and a vector.
+    /// Computes a tile's outputs and hands those in `rows` and `columns` to `write`: the row, the place in it, a vector.
     #[inline(always)]
     fn tile<S: Simd, const A: usize, const M: usize>(
         &self,

@@ -1,65 +1,75 @@
-//! Winograd's algorithm where `U` is kept, and read.
+//! Winograd's algorithm with a stored `U`: 5x5 kernels, and the first layer's 6x6.
 //!
-//! A thread takes its tiles a strip at a time, and does all three steps for it in its own scratch space, a row of points at a time: its part of
-//! `V` stays in the second cache while all output channels pass over it. A block's row of `M` is halfway to outputs as soon as it is
-//! multiplied, and never leaves the first cache (`strips.rs`):
+//! A thread takes its tiles one strip at a time, and does all steps of a strip in its own scratch space. Its part of `V`
+//! stays in the L2 cache while all output channels pass over it (`strips.rs`):
 //!
 //! ```text
 //! for each strip of tiles
-//!   for each row of tiles: B^T d, then V of its tiles
+//!   V of all its tiles
 //!   for each row of points
 //!     for each block of 1..=3 channel vectors
-//!       M of the row: for each point and group of tiles, sums in registers    <- the direct path's hot loop, from `Groups`
-//!       M A of the row
-//!   A^T (M A), bias, floor
+//!       for each point of the row                        `Products`
+//!         for each group of tiles: M = V U               <- the hot loop, `Groups`: the direct path's `add_products`
+//!       M A of the row                                   `HalfOutputs`
+//!   Y = A^T (M A), bias, ReLU
 //! ```
 //!
-//! `U` lies in the order in which it is read, and the next point's is asked for while one point's is multiplied: what comes from the third cache
-//! or from memory is there when it is needed.
+//! The tricks:
+//!
+//! - Half of the output transform follows each row of points at once: a block's row of `M` never leaves the L1 cache.
+//! - `U` lies in the order in which it is read. While one point's `U` is multiplied, the next point's is prefetched, so
+//!   that memory is never waited for.
+//! - With few input channels all points of a row are multiplied in registers, and `M` is not written at all
+//!   (`ShortProducts`).
 
 use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
-use super::points::{MAX_KERNEL, kernel_matrix, output_values};
-use super::strips::{Block, Layout, Plan, Strip, Walk};
+use super::points::{MAX_KERNEL, kernel_row, output_values};
+use super::strips::{Block, KernelLayout, Strip, StripPlan, StripWalk};
 use super::transforms::{AsIs, HalfOutputs};
-use super::{Part, pack, step};
+use super::{ThreadPart, TileTask, pack, run_stored, step};
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa};
 
-/// Kernels of one layer.
+/// `U` of one layer.
 #[derive(Clone, Debug)]
-pub(super) struct Weights {
-    pub layout: Layout,
-    short: bool,     // whether a row of points is multiplied at once
+pub(super) struct StoredKernels {
+    pub layout: KernelLayout,
+    short: bool,     // whether a row of points is multiplied in registers
     u: Aligned<f32>, // [row of points][block][a][Cin][vectors of the block * LANES]
 }
 
-impl Weights {
-    /// From `[Cout, k, k, Cin]`.
-    pub(super) fn new(isa: Isa, shape: &ConvShape, points: usize, weights: &[f32]) -> Weights {
+impl StoredKernels {
+    /// Transforms `weights` (`[Cout, k, k, Cin]`).
+    pub(super) fn new(
+        isa: Isa,
+        shape: &ConvShape,
+        points: usize,
+        weights: &[f32],
+    ) -> StoredKernels {
         let vectors = shape.out_channels.div_ceil(isa.lanes());
         let (_, most) = isa.long_tile();
         let short = is_short(shape) && points == SHORT_POINTS && most >= SHORT_TILES * SHORT_POINTS;
-        let mut layout = Layout::new(isa, shape.in_channels, widths(short, vectors));
+        let mut layout = KernelLayout::new(isa, shape.in_channels, widths(short, vectors));
         if short {
             layout.group = SHORT_TILES;
         }
         let u = transform_kernels(isa, shape, points, widths(short, vectors), weights);
-        Weights { layout, short, u }
+        StoredKernels { layout, short, u }
     }
 }
 
-/// Input channels with which a row of points is multiplied at once: those of an image, folded by a stride of two. A constant number leaves
-/// the hot loop nothing to do but products.
+/// Input channels of a short product: an image's three, folded by a stride of two. A constant number leaves the hot loop
+/// nothing to do but products.
 const SHORT_CHANNELS: usize = 12;
 
-/// Points of such a row,
+/// Points of a row of a short product.
 const SHORT_POINTS: usize = 10;
 
-/// and tiles of which it is multiplied: as many as 32 registers hold.
+/// Tiles of a short product: as many as 32 registers hold the sums of.
 const SHORT_TILES: usize = 2;
 
-/// Whether a row of points is multiplied at once where there are registers enough.
+/// Whether a layer's products are short, where there are registers enough.
 pub(in crate::conv) fn is_short(shape: &ConvShape) -> bool {
     shape.in_channels == SHORT_CHANNELS
 }
@@ -70,7 +80,7 @@ fn widths(short: bool, vectors: usize) -> impl Iterator<Item = usize> + Clone {
     std::iter::repeat_n(1, ones).chain(blocks(vectors - ones))
 }
 
-/// `U` as [`Weights`] keep it for blocks of such `widths`, of kernels `[Cout, k, k, Cin]`.
+/// `U = G g G^T` of kernels `[Cout, k, k, Cin]`, laid out as [`StoredKernels`] with blocks of such `widths`.
 pub(super) fn transform_kernels(
     isa: Isa,
     shape: &ConvShape,
@@ -96,8 +106,8 @@ struct TransformKernels<'a, W> {
     shape: &'a ConvShape,
     points: usize,
     widths: W,          // of the blocks
-    taps: &'a [f32],    // as `pack` lays them
-    out: &'a mut [f32], // as `Weights::u`
+    taps: &'a [f32],    // as `pack` lays them out
+    out: &'a mut [f32], // as `StoredKernels::u`
 }
 
 impl<W: Iterator<Item = usize> + Clone> Kernel for TransformKernels<'_, W> {
@@ -105,115 +115,90 @@ impl<W: Iterator<Item = usize> + Clone> Kernel for TransformKernels<'_, W> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        match (self.points, self.shape.kernel) {
-            (6, 3) => self.run_sized::<S, 6, 3>(simd),
-            (8, 3) => self.run_sized::<S, 8, 3>(simd),
-            (6, 5) => self.run_sized::<S, 6, 5>(simd),
-            (8, 5) => self.run_sized::<S, 8, 5>(simd),
-            (10, 5) => self.run_sized::<S, 10, 5>(simd),
-            (8, 6) => self.run_sized::<S, 8, 6>(simd),
-            (10, 6) => self.run_sized::<S, 10, 6>(simd),
-            (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
-        }
-    }
-}
-
-impl<W: Iterator<Item = usize> + Clone> TransformKernels<'_, W> {
-    #[inline(always)]
-    fn run_sized<S: Simd, const A: usize, const K: usize>(self, simd: S) {
-        let g = &kernel_matrix(K);
-        let cin = self.shape.in_channels;
+        let (a, k, cin) = (self.points, self.shape.kernel, self.shape.in_channels);
+        let g: Vec<[f32; MAX_KERNEL]> = (0..a).map(|i| kernel_row(a, k, i)).collect();
         let vectors = self.shape.out_channels.div_ceil(S::LANES);
         for (i, row) in self
             .out
-            .chunks_exact_mut(A * cin * vectors * S::LANES)
-            .take(A)
+            .chunks_exact_mut(a * cin * vectors * S::LANES)
             .enumerate()
         {
             let (mut from, mut to) = (self.taps, row);
             for vectors in self.widths.clone() {
                 let step = cin * vectors * S::LANES;
                 let (taps, u);
-                (taps, from) = from.split_at(K * K * step);
-                (u, to) = to.split_at_mut(A * step);
-                simd.call(KernelRow::<A, K> { g, i, taps, u });
+                (taps, from) = from.split_at(k * k * step);
+                (u, to) = to.split_at_mut(a * step);
+                let kernels = taps.chunks_exact(k * k * S::LANES);
+                for (n, taps) in kernels.enumerate() {
+                    kernel_points(simd, &g, i, k, taps, &mut u[n * S::LANES..], step);
+                }
             }
         }
     }
 }
 
-/// Row `i` of the points of `U = G g G^T` for one block.
-struct KernelRow<'a, const A: usize, const K: usize> {
-    g: &'a [[f32; MAX_KERNEL]; A],
+/// Row `i` of the points of `U = G g G^T` for one vector of kernels (`taps`: `[k * k][LANES]`), to every `u_step`-th
+/// value of `u`.
+///
+/// This runs once per layer, when a model is loaded: sizes are variables here, and code is small.
+#[inline(always)]
+fn kernel_points<S: Simd>(
+    simd: S,
+    g: &[[f32; MAX_KERNEL]],
     i: usize,
-    taps: &'a [f32],  // [Cin * vectors][k * k][LANES]
-    u: &'a mut [f32], // A matrices [Cin, vectors * LANES]
-}
-
-impl<const A: usize, const K: usize> Kernel for KernelRow<'_, A, K> {
-    type Output = ();
-
-    #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the taps in registers
-    fn run<S: Simd>(self, simd: S) {
-        let KernelRow { g, i, taps, u } = self;
-        let (row, u_step) = (&g[i], u.len() / A);
-        for (n, taps) in taps.chunks_exact(K * K * S::LANES).enumerate() {
-            let mut line = [simd.zero(); K]; // of G g
-            for x in 0..K {
-                for y in 0..K {
-                    let tap = simd.load(&taps[(y * K + x) * S::LANES..]);
-                    line[x] = simd.mul_add(simd.splat(row[y]), tap, line[x]);
-                }
-            }
-            let mut points = [simd.zero(); A];
-            points[0] = line[0];
-            for j in (1..A - 1).step_by(2) {
-                let (mut even, mut odd) = (simd.zero(), simd.zero()); // powers of the point, which comes with both signs
-                for x in 0..K {
-                    let sum = if x % 2 == 0 { &mut even } else { &mut odd };
-                    *sum = simd.mul_add(simd.splat(g[j][x]), line[x], *sum);
-                }
-                (points[j], points[j + 1]) = (simd.add(even, odd), simd.sub(even, odd));
-            }
-            points[A - 1] = line[K - 1];
-            for j in 0..A {
-                simd.store(points[j], &mut u[j * u_step + n * S::LANES..]);
-            }
+    k: usize,
+    taps: &[f32],
+    u: &mut [f32],
+    u_step: usize,
+) {
+    let mut line = [simd.zero(); MAX_KERNEL]; // row i of G g
+    for (x, sum) in line[..k].iter_mut().enumerate() {
+        for (y, value) in g[i][..k].iter().enumerate() {
+            let tap = simd.load(&taps[(y * k + x) * S::LANES..]);
+            *sum = simd.mul_add(simd.splat(*value), tap, *sum);
         }
     }
+    // (G g) G^T: at 0 the first value, at infinity the last one, and between them each point with both signs.
+    let last = g.len() - 1;
+    simd.store(line[0], u);
+    for j in (1..last).step_by(2) {
+        let (mut even, mut odd) = (simd.zero(), simd.zero()); // powers of the point
+        for (x, value) in line[..k].iter().enumerate() {
+            let sum = if x % 2 == 0 { &mut even } else { &mut odd };
+            *sum = simd.mul_add(simd.splat(g[j][x]), *value, *sum);
+        }
+        simd.store(simd.add(even, odd), &mut u[j * u_step..]);
+        simd.store(simd.sub(even, odd), &mut u[(j + 1) * u_step..]);
+    }
+    simd.store(line[k - 1], &mut u[last * u_step..]);
 }
 
-impl Kernel for Part<'_, Weights> {
+impl Kernel for ThreadPart<'_, StoredKernels> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        match (self.conv.weights.points, self.conv.weights.shape.kernel) {
-            (6, 5) => self.run_sized::<S, 6, 2>(simd),
-            (8, 5) => self.run_sized::<S, 8, 4>(simd),
-            (10, 5) => self.run_sized::<S, 10, 6>(simd),
-            (8, 6) => self.run_sized::<S, 8, 3>(simd),
-            (10, 6) => self.run_sized::<S, 10, 5>(simd),
-            (points, kernel) => unreachable!("{points} points for a {kernel}x{kernel} kernel"),
-        }
+        let (points, kernel) = (self.conv.kernels.points, self.conv.kernels.shape.kernel);
+        run_stored(points, kernel, (self, simd));
     }
 }
 
-impl Part<'_, Weights> {
+impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
     #[inline(always)]
-    fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let Part {
+    fn run<const A: usize, const M: usize>(self) {
+        let (part, simd) = self;
+        let ThreadPart {
             conv,
-            weights,
-            share,
-        } = self;
-        let shape = &conv.weights.shape;
-        let walk = Walk {
+            kernels,
+            tiles,
+        } = part;
+        let shape = &conv.kernels.shape;
+        let walk = StripWalk {
             conv,
-            share,
-            layout: &weights.layout,
-            widths: widths(weights.short, shape.out_channels.div_ceil(S::LANES)),
+            tiles,
+            layout: &kernels.layout,
+            widths: widths(kernels.short, shape.out_channels.div_ceil(S::LANES)),
             to: AsIs,
         };
         walk.run::<S, A, M>(
@@ -227,12 +212,12 @@ impl Part<'_, Weights> {
                  m,
                  half,
              }| {
-                let Layout {
+                let KernelLayout {
                     inputs, channels, ..
-                } = weights.layout;
-                let u = &weights.u[(row * channels + first) * A * inputs..]
+                } = kernels.layout;
+                let u = &kernels.u[(row * channels + first) * A * inputs..]
                     [..A * inputs * vectors * S::LANES];
-                if weights.short {
+                if kernels.short {
                     simd.call(ShortProducts::<A, M> { strip, v, u, half });
                 } else {
                     simd.call(Products::<A> {
@@ -249,7 +234,7 @@ impl Part<'_, Weights> {
     }
 }
 
-/// `M = V U` of one row of points, one block and the tiles of a strip: for each point `[tiles, Cin] x [Cin, lanes]`.
+/// `M = V U` for one row of points, one block, and the tiles of a strip: per point `[tiles, Cin] x [Cin, lanes]`.
 struct Products<'a, const A: usize> {
     strip: &'a Strip<'a>,
     vectors: usize,   // of the block
@@ -270,9 +255,10 @@ impl<const A: usize> Kernel for Products<'_, A> {
             u,
             m,
         } = self;
-        let Plan { v_step, v_len, .. } = *strip.plan;
+        let StripPlan { v_step, v_len, .. } = *strip.plan;
         for (j, u) in u.chunks_exact(u.len() / A).enumerate() {
             let (v, m) = (&v[j * v_step..], &mut m[j * S::LANES..]);
+            // A point's U stays in the L1 cache while all groups of tiles pass over it.
             let (mut groups, mut vs) = (0, 0); // done so far, and vectors of M
             for (count, tiles) in strip.runs() {
                 if count > 0 {
@@ -293,17 +279,18 @@ impl<const A: usize> Kernel for Products<'_, A> {
     }
 }
 
-/// The same for groups of the same size.
+/// The same for one point and some groups of equal size.
 struct Groups<'a, const A: usize> {
     count: usize,
     v: &'a [f32],
     v_len: usize,
     u: &'a [f32],
-    first: bool, // whether the next point's U is still to be asked for
+    first: bool, // whether these are the first groups, which prefetch the next point's U
     m: &'a mut [f32],
 }
 
 impl<const A: usize> Groups<'_, A> {
+    /// The hot loop, `add_products`, once per group: a register tile of `TILES` tiles x `VECTORS` channel vectors.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize, const VECTORS: usize>(self, simd: S) {
@@ -335,8 +322,9 @@ impl<const A: usize> Groups<'_, A> {
     }
 }
 
-/// `M A` of one row of points, one vector of output channels and the tiles of a strip, where there are few input channels: all points are
-/// multiplied at once, and what is written is half an output already, not `M`.
+/// `M A` for one row of points, one vector of output channels, and the tiles of a strip, with few input channels.
+///
+/// All points of the row are multiplied at once, so that half of the output transform happens in registers.
 struct ShortProducts<'a, const A: usize, const M: usize> {
     strip: &'a Strip<'a>,
     v: &'a [f32],        // of the row's first point and the first group
@@ -365,7 +353,7 @@ impl<const A: usize, const M: usize> Kernel for ShortProducts<'_, A, M> {
     }
 }
 
-/// The same for one group.
+/// The same for one group of tiles.
 struct ShortGroup<'a, const A: usize, const M: usize> {
     v: &'a [f32],
     u: &'a [f32],
@@ -373,6 +361,15 @@ struct ShortGroup<'a, const A: usize, const M: usize> {
 }
 
 impl<const A: usize, const M: usize> ShortGroup<'_, A, M> {
+    /// The hot loop.
+    ///
+    /// ```text
+    /// for each of the 12 input channels
+    ///   for each of the A points
+    ///     u = load of the channel's and point's U
+    ///     sums[tile][point] += V[tile][point][channel] * u      for both tiles
+    /// half = sums A
+    /// ```
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize>(self, simd: S) {

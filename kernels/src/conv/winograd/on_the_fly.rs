@@ -1,60 +1,71 @@
-//! Winograd's algorithm for 3x3 kernels on small maps, where `U` is made anew where it is used.
+//! Winograd's algorithm for 3x3 kernels, with a `U` that is made where it is used.
 //!
-//! `U` has 4 to 7 times as many values as the kernels, and a map of few tiles uses each of them only a few times: whoever reads them from
-//! memory waits for most of the time. So only kernels are read, a block of output channels at a time. For two rows of points, `q` and `-q`, they
-//! become lines (`G g`, three values each), which stay in the second cache. From these `U` is made at one point after the other, by two operations
-//! a value: in the register tile itself where that takes all tiles at once, or else in the first cache.
+//! `U` has 4 to 7 times as many values as the kernels, and a small map uses each of them only a few times: reading them
+//! from memory would take longer than multiplying with them. So only kernels are read, one block of output channels at a
+//! time. For two rows of points, `q` and `-q`, they become lines (`G g`, three values per kernel), which stay in the L2
+//! cache. From the lines `U` follows at one point after the other, with two operations per value:
 //!
 //! ```text
 //! for each strip of tiles
-//!   V of all tiles
-//!   for each pair of rows of points
+//!   V of all its tiles
+//!   for each pair of rows of points, q and -q
 //!     for each block of output channels
-//!       G g of both rows
-//!       for each of both
-//!         M of the row: for each point: U; for each group of tiles, sums in registers        <- the hot loop, in `Tile`
-//!         M A of the row
-//!   A^T (M A), bias, floor
+//!       lines of both rows                               `KernelLines`
+//!       for each of the two rows
+//!         for each point of the row                      `Row`
+//!           for each group of tiles: M = V U             <- the hot loop, `Tile`
+//!         M A of the row                                 `HalfOutputs`
+//!   Y = A^T (M A), bias, ReLU
 //! ```
 //!
-//! Every thread does all of it for its own rows. That they all transform the same kernels costs less than if they shared `V`, one taking over from
-//! another's cache what it multiplies.
+//! The tricks:
+//!
+//! - If one register tile takes all tiles of a strip, `U` is made in registers and never stored. Otherwise it goes to the
+//!   L1 cache, and is read once per group.
+//! - The register tile is long: one or two vectors of channels x as many tiles as there are registers, so that each value
+//!   of `U` is used as often as possible.
+//! - While one row is multiplied, the kernels of the next block are prefetched, a cache line per input channel.
+//!
+//! Every thread transforms all kernels for its own rows. Sharing `V` instead, with each thread reading from another's
+//! cache, was slower.
 
 use super::super::ConvShape;
 use super::points::point;
 use super::transforms::{
     AsIs, HalfOutputs, InputTiles, OutputBlock, OutputTiles, Steps, Tiles, lines_len,
 };
-use super::{LINE, Part, Winograd, from_line, pack, rows_per_tile, step};
-use crate::par::Share;
+use super::{
+    LINE, ThreadPart, TileTask, Winograd, from_line, pack, rows_per_tile, run_on_the_fly, step,
+};
+use crate::par::ThreadTiles;
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
 
 /// Side of the kernels.
-pub(super) const KERNEL: usize = 3;
+const KERNEL: usize = 3;
 
 /// Taps of one kernel.
 const TAPS: usize = KERNEL * KERNEL;
 
-/// Most tiles in a strip, unless one row has more.
+/// Most tiles in a strip, unless a single row of tiles has more.
 const STRIP_TILES: usize = 64;
 
-/// Kernels of one layer.
+/// Kernels of one layer as they are, in the order in which they are read.
 #[derive(Clone, Debug)]
-pub(super) struct Weights {
+pub(super) struct PackedKernels {
     lanes: usize,    // of a vector
     block: usize,    // channels of a block
-    group: usize,    // most tiles that are multiplied at a time
+    group: usize,    // most tiles of a register tile
     g: Aligned<f32>, // [block][Cin][vectors of the block][k * k][LANES]
 }
 
-impl Weights {
-    /// From `[Cout, k, k, Cin]`.
-    pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32]) -> Weights {
+impl PackedKernels {
+    /// Packs `weights` (`[Cout, k, k, Cin]`).
+    pub(super) fn new(isa: Isa, shape: &ConvShape, weights: &[f32]) -> PackedKernels {
         let (lanes, (vectors, group)) = (isa.lanes(), isa.long_tile());
         let block = vectors * lanes;
         let blocks = std::iter::repeat_n(vectors, shape.out_channels.div_ceil(block));
-        Weights {
+        PackedKernels {
             lanes,
             block,
             group,
@@ -63,21 +74,22 @@ impl Weights {
     }
 }
 
-/// Scratch space for a strip of tiles.
-struct Plan {
+/// How `V` and `M A` of a strip lie in the scratch space.
+struct GroupPlan {
     group: usize,     // tiles in a group; the last one has those left over
-    v_step: usize, // from one point's V, [vector of Cin][tiles of the group][LANES], to the next one's
-    v_len: usize,  // of one group
-    half_step: usize, // from one row of points of M A, [tiles of the strip][vectors of the block][M][LANES], to the next
+    v_step: usize,    // from one point's V, [vector of Cin][tiles of the group][LANES], to the next
+    v_len: usize,     // of one group
+    half_step: usize, // from one row of points of M A, [tiles][vectors of the block][M][LANES], to the next
     half_len: usize,  // of one block
 }
 
-impl Plan {
-    fn new(weights: &Weights, shape: &ConvShape, points: usize, tiles: usize) -> Plan {
-        let group = tiles.div_ceil(tiles.div_ceil(weights.group)); // equal ones instead of full ones and a small rest
-        let v_step = step(group * shape.in_channels.next_multiple_of(weights.lanes));
-        let half_step = step(tiles * rows_per_tile(shape, points) * weights.block);
-        Plan {
+impl GroupPlan {
+    fn new(kernels: &PackedKernels, shape: &ConvShape, points: usize, tiles: usize) -> GroupPlan {
+        // Even groups rather than full ones and a small rest.
+        let group = tiles.div_ceil(tiles.div_ceil(kernels.group));
+        let v_step = step(group * shape.in_channels.next_multiple_of(kernels.lanes));
+        let half_step = step(tiles * rows_per_tile(shape, points) * kernels.block);
+        GroupPlan {
             group,
             v_step,
             v_len: points * points * v_step,
@@ -92,27 +104,27 @@ fn strip_rows(across: usize) -> usize {
     (STRIP_TILES / across).max(1)
 }
 
-/// Scratch values where a strip has at most so many tiles: for `B^T d` of a row of tiles, `G g` of two rows of points and one block, `U` of one
-/// point and block, `M` of one row and block, all of `M A`, and `V`.
+/// Scratch values of strips of at most `tiles` tiles: of `B^T d` of a row of tiles, `G g` of two rows of points and one
+/// block, `U` of one point and block, `M` of one row and block, all of `M A`, and `V`.
 fn lens(
-    weights: &Weights,
+    kernels: &PackedKernels,
     shape: &ConvShape,
     points: usize,
     across: usize,
     tiles: usize,
 ) -> [usize; 6] {
-    let &Weights {
+    let &PackedKernels {
         lanes,
         block,
         group,
         ..
-    } = weights;
+    } = kernels;
     let m = rows_per_tile(shape, points);
     let lines_len = lines_len(points, (across - 1) * m + points, shape.in_channels);
     let u_len = shape.in_channels * block;
     let half_len = points * step(tiles * m * block) * shape.out_channels.div_ceil(block);
     let groups = tiles.div_ceil(group);
-    // Groups differ by less than a tile from equal ones, and their steps by less than two lines from their values.
+    // An upper bound: even groups have less than one tile of padding each, and steps less than two cache lines.
     let v_step = (tiles + groups) * shape.in_channels.next_multiple_of(lanes) + groups * 2 * LINE;
     [
         lines_len,
@@ -125,50 +137,53 @@ fn lens(
 }
 
 /// Scratch values per thread.
-pub(super) fn scratch_len(weights: &Weights, shape: &ConvShape, points: usize, out: Size) -> usize {
+pub(super) fn scratch_len(
+    kernels: &PackedKernels,
+    shape: &ConvShape,
+    points: usize,
+    out: Size,
+) -> usize {
     let m = rows_per_tile(shape, points);
     let (across, down) = (out.w.div_ceil(m), out.h.div_ceil(m));
     let tiles = across * down.min(strip_rows(across));
-    LINE + lens(weights, shape, points, across, tiles)
+    LINE + lens(kernels, shape, points, across, tiles)
         .iter()
         .sum::<usize>()
 }
 
-impl Kernel for Part<'_, Weights> {
+impl Kernel for ThreadPart<'_, PackedKernels> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        match self.conv.weights.points {
-            6 => self.run_sized::<S, 6, 4>(simd),
-            8 => self.run_sized::<S, 8, 6>(simd),
-            points => unreachable!("{points} points for a {KERNEL}x{KERNEL} kernel"),
-        }
+        let (points, kernel) = (self.conv.kernels.points, self.conv.kernels.shape.kernel);
+        run_on_the_fly(points, kernel, (self, simd));
     }
 }
 
-impl Part<'_, Weights> {
+impl<S: Simd> TileTask for (ThreadPart<'_, PackedKernels>, S) {
     #[inline(always)]
-    fn run_sized<S: Simd, const A: usize, const M: usize>(self, simd: S) {
-        let Part {
+    fn run<const A: usize, const M: usize>(self) {
+        let (part, simd) = self;
+        let ThreadPart {
             conv,
-            weights,
-            share,
-        } = self;
-        let Share {
+            kernels,
+            tiles,
+        } = part;
+        let ThreadTiles {
             first_row,
             tiles: all,
             mut map,
             scratch,
-        } = share;
+        } = tiles;
         let Winograd {
             bias, input, size, ..
         } = *conv;
-        let shape = &conv.weights.shape;
+        let shape = &conv.kernels.shape;
         let (width, cout) = (shape.out_size(size).w, shape.out_channels);
         let across = width.div_ceil(M);
         let most = all.len().min(across * strip_rows(across));
-        let [lines_len, g_len, u_len, m_len, half_len, _] = lens(weights, shape, A, across, most);
+        let [lines_len, g_len, u_len, m_len, half_len, _] = lens(kernels, shape, A, across, most);
         let (lines, scratch) = from_line(scratch).split_at_mut(lines_len);
         let (kernel_lines, scratch) = scratch.split_at_mut(g_len);
         let (u, scratch) = scratch.split_at_mut(u_len);
@@ -179,7 +194,8 @@ impl Part<'_, Weights> {
                 across,
                 range: first..all.end.min(first + most),
             };
-            let plan = &Plan::new(weights, shape, A, tiles.range.len());
+            let plan = &GroupPlan::new(kernels, shape, A, tiles.range.len());
+            // V of the strip's tiles, by groups: [group][point][vector of Cin][tile][LANES].
             simd.call(InputTiles::<_, _, A, M> {
                 input,
                 size,
@@ -200,13 +216,14 @@ impl Part<'_, Weights> {
                 plan,
                 tiles: tiles.range.len(),
                 v: &*v,
-                g: &weights.g,
+                g: &kernels.g,
                 half,
                 kernel_lines,
                 u,
                 m,
             };
             products.run(simd);
+            // Outputs, block by block.
             let lanes = const { S::LONG_TILE.0 } * S::LANES;
             for (i, (bias, half)) in bias
                 .chunks(lanes)
@@ -233,9 +250,9 @@ impl Part<'_, Weights> {
     }
 }
 
-/// `M A` of a strip's tiles.
+/// `M A` of a strip's tiles, for all points and output channels.
 struct Products<'a, const A: usize, const M: usize> {
-    plan: &'a Plan,
+    plan: &'a GroupPlan,
     tiles: usize,
     v: &'a [f32],
     g: &'a [f32],
@@ -261,13 +278,14 @@ impl<const A: usize, const M: usize> Products<'_, A, M> {
         let (plus, minus) = kernel_lines.split_at_mut(kernel_lines.len() / 2);
         let m = &mut m[..tiles * A * const { S::LONG_TILE.0 } * S::LANES];
         for pair in 0..A / 2 {
+            // The rows of points at 0 and infinity, then those at q and -q.
             let rows = if pair == 0 {
                 [0, A - 1]
             } else {
                 [2 * pair - 1, 2 * pair]
             };
             let blocks = g.chunks_exact(TAPS * u.len());
-            let next = blocks.clone().cycle().skip(1);
+            let next = blocks.clone().cycle().skip(1); // to prefetch
             for ((g, next), half) in blocks.zip(next).zip(half.chunks_exact_mut(plan.half_len)) {
                 let point = (pair > 0).then(|| point(A, rows[0]));
                 simd.call(KernelLines {
@@ -276,6 +294,7 @@ impl<const A: usize, const M: usize> Products<'_, A, M> {
                     plus: &mut *plus,
                     minus: &mut *minus,
                 });
+                // Each of the two rows prefetches half of the next block's kernels.
                 let next = next.split_at(next.len() / LINE / 2 * LINE);
                 for ((i, lines), next) in rows
                     .into_iter()
@@ -302,9 +321,9 @@ impl<const A: usize, const M: usize> Products<'_, A, M> {
     }
 }
 
-/// Two rows of `G g` of one block: at a point and at its negative, or else at 0 and at infinity.
+/// Two rows of `G g` for one block: at a point and at its negative, or at 0 and at infinity.
 struct KernelLines<'a> {
-    point: Option<f32>,
+    point: Option<f32>,   // `None` for 0 and infinity
     g: &'a [f32],         // [Cin * vectors][k][k][LANES]
     plus: &'a mut [f32],  // [Cin * vectors][k][LANES]
     minus: &'a mut [f32], // likewise
@@ -349,20 +368,20 @@ impl Kernel for KernelLines<'_> {
     }
 }
 
-/// Where values of `U` come from.
-trait Values: Copy {
-    /// Vectors that each one of them is made of.
+/// Where the hot loop takes its values of `U` from.
+trait Source: Copy {
+    /// Vectors of the source per vector of `U`.
     const VECTORS: usize;
 
-    /// A vector of them.
+    /// A vector of `U`.
     fn value<S: Simd>(self, simd: S, from: &[f32]) -> S::F32;
 }
 
-/// They are there.
+/// From `U` itself, made before.
 #[derive(Clone, Copy)]
-struct Made;
+struct FromU;
 
-impl Values for Made {
+impl Source for FromU {
     const VECTORS: usize = 1;
 
     #[inline(always)]
@@ -371,13 +390,13 @@ impl Values for Made {
     }
 }
 
-/// Lines of `G g` at a finite point but 0, of which these are the first and the second power.
+/// From lines of `G g`, at a finite point other than 0.
 #[derive(Clone, Copy)]
 struct FromLines {
-    powers: [f32; KERNEL - 1],
+    powers: [f32; KERNEL - 1], // of the point: first and second
 }
 
-impl Values for FromLines {
+impl Source for FromLines {
     const VECTORS: usize = KERNEL;
 
     #[inline(always)]
@@ -388,13 +407,13 @@ impl Values for FromLines {
     }
 }
 
-/// Lines of `G g` at 0 or infinity, where one of their values counts.
+/// From lines of `G g`, at 0 or infinity: one of their three values.
 #[derive(Clone, Copy)]
 struct FromTaps {
     tap: usize,
 }
 
-impl Values for FromTaps {
+impl Source for FromTaps {
     const VECTORS: usize = KERNEL;
 
     #[inline(always)]
@@ -403,13 +422,13 @@ impl Values for FromTaps {
     }
 }
 
-/// A row of `M` of one block: for each point and group of tiles `[tiles, Cin] x [Cin, vectors * LANES]`.
+/// A row of `M` for one block: per point and group of tiles `[tiles, Cin] x [Cin, vectors * LANES]`.
 struct Row<'a, const A: usize> {
-    plan: &'a Plan,
+    plan: &'a GroupPlan,
     tiles: usize,     // of the strip
     v: &'a [f32],     // of the row's first point and the first group
     lines: &'a [f32], // the row's G g, [Cin * vectors][k][LANES]
-    next: &'a [f32],  // what will be read next
+    next: &'a [f32],  // to prefetch
     u: &'a mut [f32], // room for [Cin * vectors][LANES]
     m: &'a mut [f32], // [tiles * vectors][A][LANES]
 }
@@ -440,6 +459,7 @@ impl<const A: usize> Kernel for Row<'_, A> {
                 _ => None,
             };
             let at_once = tiles <= plan.group;
+            // Several groups share this point's U: make it once.
             if end.is_none() && !at_once {
                 let values = lines.chunks_exact(step).zip(u.chunks_exact_mut(S::LANES));
                 values.for_each(|(line, u)| simd.store(from_lines.value(simd, line), u));
@@ -462,17 +482,17 @@ impl<const A: usize> Kernel for Row<'_, A> {
                     Some(tap) => simd.call(Tile {
                         group,
                         weights: lines,
-                        values: FromTaps { tap },
+                        source: FromTaps { tap },
                     }),
                     None if at_once => simd.call(Tile {
                         group,
                         weights: lines,
-                        values: from_lines,
+                        source: from_lines,
                     }),
                     None => simd.call(Tile {
                         group,
                         weights: u,
-                        values: Made,
+                        source: FromU,
                     }),
                 }
             }
@@ -480,25 +500,25 @@ impl<const A: usize> Kernel for Row<'_, A> {
     }
 }
 
-/// A point, a block, and the tiles of a group.
+/// The products of one point, one block, and the tiles of one group.
 struct Group<'a> {
     channels: usize, // Cin
     tiles: usize,
     v: &'a [f32],             // [vector of Cin][tiles][LANES]
     v_step: usize,            // from one vector of Cin to the next
-    ahead: Option<&'a [f32]>, // to be asked for, a cache line per channel
+    ahead: Option<&'a [f32]>, // to prefetch, a cache line per channel
     m: &'a mut [f32],
     m_step: usize, // from one vector of products to the next
 }
 
-/// One register tile.
-struct Tile<'a, V> {
+/// One register tile: the tiles of a group x a block of channels.
+struct Tile<'a, U> {
     group: Group<'a>,
-    weights: &'a [f32], // [Cin * vectors] values, or what they are made of
-    values: V,
+    weights: &'a [f32], // [Cin * vectors][U::VECTORS][LANES]
+    source: U,
 }
 
-impl<V: Values> Kernel for Tile<'_, V> {
+impl<U: Source> Kernel for Tile<'_, U> {
     type Output = ();
 
     #[inline(always)]
@@ -516,8 +536,15 @@ impl<V: Values> Kernel for Tile<'_, V> {
     }
 }
 
-impl<V: Values> Tile<'_, V> {
-    /// The hot loop.
+impl<U: Source> Tile<'_, U> {
+    /// The hot loop, in which 3x3 layers spend most of their time.
+    ///
+    /// ```text
+    /// for each input channel c
+    ///   u[k] = load of U, or two multiply-adds from its line     VECTORS times
+    ///   x    = broadcast of V[tile][c]                           TILES broadcasts
+    ///   sums[tile][k] += x * u[k]                                TILES * VECTORS multiply-adds
+    /// ```
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run_sized<S: Simd, const VECTORS: usize, const TILES: usize>(self, simd: S) {
@@ -527,7 +554,7 @@ impl<V: Values> Tile<'_, V> {
         let Tile {
             group,
             weights,
-            values,
+            source,
         } = self;
         let Group {
             channels,
@@ -539,7 +566,7 @@ impl<V: Values> Tile<'_, V> {
             ..
         } = group;
         let (ahead, ahead_step) = ahead.map_or((v, 0), |next| (next, LINE));
-        let step = const { V::VECTORS * S::LANES };
+        let step = const { U::VECTORS * S::LANES };
         let mut weights = weights.chunks_exact(VECTORS * step);
         let mut sums = [[simd.zero(); VECTORS]; TILES];
         for (c, v) in (0..channels).step_by(S::LANES).zip(v.chunks(v_step)) {
@@ -548,7 +575,7 @@ impl<V: Values> Tile<'_, V> {
                 simd.prefetch(ahead, (c + lane) * ahead_step);
                 let mut u = [simd.zero(); VECTORS];
                 for k in 0..VECTORS {
-                    u[k] = values.value(simd, &weights[k * step..][..step]);
+                    u[k] = source.value(simd, &weights[k * step..][..step]);
                 }
                 for i in 0..TILES {
                     let x = simd.splat(v[i * S::LANES + lane]);
