@@ -146,36 +146,26 @@ impl Kernel for Respond<'_> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         if self.shape.filter.w.is_multiple_of(4) {
-            self.rows::<S, 4, 11, 10, 7, 4>(simd);
+            self.rows::<S, 4>(simd);
         } else {
-            self.rows::<S, 1, 8, 7, 4, 1>(simd);
+            self.rows::<S, 1>(simd);
         }
     }
 }
 
 impl Respond<'_> {
-    /// All rows, `TAPS` of a row of the filter at a time: 8, 7, 4 or 1 values depend on so many cells of the features at a time.
+    /// All rows, `TAPS` taps of a filter row and up to 8 neighboring values at a time.
     #[inline(always)]
-    fn rows<
-        S: Simd,
-        const TAPS: usize,
-        const CELLS_8: usize,
-        const CELLS_7: usize,
-        const CELLS_4: usize,
-        const CELLS_1: usize,
-    >(
-        &mut self,
-        simd: S,
-    ) {
+    fn rows<S: Simd, const TAPS: usize>(&mut self, simd: S) {
         let width = self.shape.out_size().w;
         for y in 0..self.out.len() / width {
             let mut x = 0;
             while x < width {
                 x += match width - x {
-                    8.. if S::LANES == 16 => self.tile::<S, TAPS, 8, CELLS_8>(simd, y, x, width),
-                    7 if S::LANES == 16 => self.tile::<S, TAPS, 7, CELLS_7>(simd, y, x, width),
-                    4.. => self.tile::<S, TAPS, 4, CELLS_4>(simd, y, x, width),
-                    _ => self.tile::<S, TAPS, 1, CELLS_1>(simd, y, x, width),
+                    8.. if S::LANES == 16 => self.tile::<S, TAPS, 8>(simd, y, x, width),
+                    7 if S::LANES == 16 => self.tile::<S, TAPS, 7>(simd, y, x, width),
+                    4.. => self.tile::<S, TAPS, 4>(simd, y, x, width),
+                    _ => self.tile::<S, TAPS, 1>(simd, y, x, width),
                 };
             }
         }
@@ -185,7 +175,7 @@ impl Respond<'_> {
     /// Returns how many they are.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the vectors in registers
-    fn tile<S: Simd, const TAPS: usize, const VALUES: usize, const CELLS: usize>(
+    fn tile<S: Simd, const TAPS: usize, const VALUES: usize>(
         &mut self,
         simd: S,
         y: usize,
@@ -202,16 +192,17 @@ impl Respond<'_> {
                 simd.load_partial(from)
             }
         };
+        let cells_len = const { VALUES + TAPS - 1 };
         let mut sums = [simd.zero(); VALUES];
         for u in 0..filter.h {
             for v in (0..filter.w).step_by(TAPS) {
                 let met = &self.shape.met(self.features, u, self.first_row + y, x + v)
-                    [..CELLS * channels];
+                    [..cells_len * channels];
                 let taps = &self.filter[(u * filter.w + v) * channels..][..TAPS * channels];
                 for c in (0..channels).step_by(S::LANES) {
                     let end = channels.min(c + S::LANES);
-                    let mut cells = [simd.zero(); CELLS];
-                    for i in 0..CELLS {
+                    let mut cells = [simd.zero(); MAX_CELLS];
+                    for i in 0..cells_len {
                         cells[i] = load(&met[i * channels + c..i * channels + end]);
                     }
                     if u + 1 == filter.h && v == 0 {
@@ -240,6 +231,9 @@ impl Respond<'_> {
         VALUES
     }
 }
+
+/// Cells that 8 neighboring values see of 4 taps.
+const MAX_CELLS: usize = 11;
 
 /// Lanes of the widest vector there is.
 const MAX_LANES: usize = 16;

@@ -31,6 +31,7 @@ impl<'a> Matrix<'a> {
 
     /// Its singular values, largest first, as many as the shorter of its extents; `None` if a value is not finite or
     /// the iteration does not converge.
+    #[inline] // compiled where it is called: the trainer, not every program with a convolution
     pub fn singular_values(self) -> Option<Vec<f32>> {
         if !self.0.is_all_finite() {
             return None;
@@ -43,7 +44,8 @@ impl<'a> Matrix<'a> {
     /// Its numerical rank: how many singular values exceed `largest * max(rows, columns) * 2^-23`; `None` where there
     /// are none ([`singular_values`](Self::singular_values)).
     ///
-    /// Source: spec section 3.6, the usual tolerance for `f32`.
+    /// Source: the usual tolerance for `f32`; `docs/method.md`, "Pruning".
+    #[inline]
     pub fn rank(self) -> Option<usize> {
         let values = self.singular_values()?;
         let extent = self.0.nrows().max(self.0.ncols()) as f32;

@@ -243,13 +243,24 @@ impl Conv {
                     }
                 };
                 let size = shape.padded(size);
+                let convolve = |first_row: usize, out: Output<'_>| {
+                    self.isa.run_dot(int8::Int8 {
+                        shape,
+                        weights,
+                        bias,
+                        input,
+                        size,
+                        first_row,
+                        out,
+                    });
+                };
                 match out {
-                    Output::Floats(out) => {
-                        self.int8(threads, weights, input, size, int8::Floats, out)
-                    }
-                    Output::Bytes(out, q) => {
-                        self.int8(threads, weights, input, size, int8::Bytes(q), out)
-                    }
+                    Output::Floats(out) => threads.split_rows(out, row_len, |first_row, out| {
+                        convolve(first_row, Output::Floats(out));
+                    }),
+                    Output::Bytes(out, q) => threads.split_rows(out, row_len, |first_row, out| {
+                        convolve(first_row, Output::Bytes(out, q));
+                    }),
                 }
             }
             _ => panic!(
@@ -258,32 +269,6 @@ impl Conv {
             ),
         }
         out_size
-    }
-
-    /// Convolves bytes into rows of the values that `to` makes; `size` includes the padding.
-    fn int8<T: int8::To>(
-        &self,
-        threads: &Threads,
-        weights: &int8::QuantizedWeights,
-        input: &[u8],
-        size: Size,
-        to: T,
-        out: &mut [T::Value],
-    ) {
-        let (shape, bias) = (&self.shape, &self.bias);
-        let width = (size.w - shape.kernel) / shape.stride + 1;
-        threads.split_rows(out, width * shape.out_channels, |first_row, out| {
-            self.isa.run_dot(int8::Int8 {
-                shape,
-                weights,
-                bias,
-                input,
-                size,
-                first_row,
-                to,
-                out,
-            });
-        });
     }
 
     /// `input` with its padding, copied into `padded`; `input` itself if there is no padding.

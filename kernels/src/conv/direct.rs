@@ -125,7 +125,7 @@ impl Kernel for Direct<'_> {
                         out: &mut row[x * channels + first..],
                         out_step: channels,
                     };
-                    super::for_tile!(pixels, vectors, tile.run, S, simd);
+                    super::for_tile!(pixels, vectors, tile.run, S, simd, S::TILE_PIXELS);
                     x += pixels;
                 }
             }
@@ -178,9 +178,6 @@ impl Tile<'_> {
         &self,
         simd: S,
     ) -> [[S::F32; VECTORS]; PIXELS] {
-        if PIXELS > S::TILE_PIXELS[VECTORS] {
-            unreachable!("more than the registers hold");
-        }
         let mut sums = [[simd.zero(); VECTORS]; PIXELS];
         for (ky, weights) in self
             .weights

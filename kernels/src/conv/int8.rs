@@ -18,8 +18,8 @@
 //! - Weights are symmetric with one scale per output channel, `q_w = round(w * 127 / max |w|)`: no second zero-point.
 //! - Where the instruction set multiplies matrices (i8mm), a step has eight inputs, and pixels go in pairs.
 
-use super::ConvShape;
 use super::direct::blocks;
+use super::{ConvShape, Output};
 use crate::quant::Quantization;
 use crate::simd::{Dot, DotKernel, Simd};
 use crate::{Aligned, Isa, Size};
@@ -113,53 +113,28 @@ fn steps_per_row(shape: &ConvShape, quads_per_step: usize) -> usize {
 }
 
 /// Some rows of one convolution without padding.
-pub(super) struct Int8<'a, T: To> {
+pub(super) struct Int8<'a> {
     pub shape: &'a ConvShape,
     pub weights: &'a QuantizedWeights,
     pub bias: &'a [f32], // [Cout]
     pub input: &'a [u8], // [size.h, size.w, Cin], padding included, then `SLACK` bytes
     pub size: Size,
     pub first_row: usize, // of the output, that `out` starts at
-    pub to: T,
-    pub out: &'a mut [T::Value], // [rows, W', Cout]
+    pub out: Output<'a>,  // [rows, W', Cout]
 }
 
-/// The type of the outputs.
-pub(super) trait To: Copy + Sync {
-    /// One output.
-    type Value: Send;
-
-    /// Writes a vector of outputs, or as much of it as `out` has room for.
-    fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [Self::Value]);
-}
-
-/// Outputs in `f32`.
-#[derive(Clone, Copy)]
-pub(super) struct Floats;
-
-impl To for Floats {
-    type Value = f32;
-
+impl Output<'_> {
+    /// Writes a vector of outputs from value `at` on, or the first `len` of it.
     #[inline(always)]
-    fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [f32]) {
-        simd.write(y, out);
+    fn write<S: Simd>(&mut self, simd: S, y: S::F32, at: usize, len: usize) {
+        match self {
+            Output::Floats(out) => simd.write(y, &mut out[at..][..len.min(S::LANES)]),
+            Output::Bytes(out, q) => q.store(simd, y, &mut out[at..][..len.min(S::LANES)]),
+        }
     }
 }
 
-/// Outputs as bytes for the next layer: what `quantize` would make of the `f32` outputs.
-#[derive(Clone, Copy)]
-pub(super) struct Bytes(pub Quantization);
-
-impl To for Bytes {
-    type Value = u8;
-
-    #[inline(always)]
-    fn store<S: Simd>(self, simd: S, y: S::F32, out: &mut [u8]) {
-        self.0.store(simd, y, out);
-    }
-}
-
-impl<T: To> DotKernel for Int8<'_, T> {
+impl DotKernel for Int8<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -171,8 +146,7 @@ impl<T: To> DotKernel for Int8<'_, T> {
             input,
             size,
             first_row,
-            to,
-            out,
+            mut out,
         } = self;
         let (channels, lanes) = (shape.out_channels, D::Float::LANES);
         let width = (size.w - shape.kernel) / shape.stride + 1;
@@ -185,7 +159,7 @@ impl<T: To> DotKernel for Int8<'_, T> {
             rest = later;
             let used = (vectors * lanes).min(channels - first);
             let tiles = width.div_ceil(D::TILE_GROUPS[vectors] * D::PIXELS);
-            for (y, row) in out.chunks_exact_mut(width * channels).enumerate() {
+            for y in 0..out.len() / (width * channels) {
                 let top = (first_row + y) * shape.stride * size.w;
                 let mut x = 0;
                 for i in 0..tiles {
@@ -202,12 +176,12 @@ impl<T: To> DotKernel for Int8<'_, T> {
                         scale: &weights.scale[first..][..used],
                         bias: &bias[first..][..used],
                         relu: shape.relu,
-                        to,
-                        out: &mut row[x * channels + first..],
+                        out: &mut out,
+                        at: (y * width + x) * channels + first,
                         out_step: channels,
                     };
                     let groups = pixels.div_ceil(D::PIXELS);
-                    super::for_tile!(groups, vectors, tile.run, D, dot);
+                    super::for_tile!(groups, vectors, tile.run, D, dot, D::TILE_GROUPS);
                     x += pixels;
                 }
             }
@@ -217,7 +191,7 @@ impl<T: To> DotKernel for Int8<'_, T> {
 }
 
 /// One register tile: neighboring pixels x a block of channels.
-struct Tile<'a, T: To> {
+struct Tile<'a, 'b> {
     input: &'a [u8],        // from the first pixel's window on
     pixel_step: usize,      // from one pixel's window to the next one's
     row_step: usize,        // from one row of the window to the next
@@ -229,12 +203,12 @@ struct Tile<'a, T: To> {
     scale: &'a [f32],       // [channels of the block that exist]
     bias: &'a [f32],        // likewise
     relu: bool,
-    to: T,
-    out: &'a mut [T::Value], // from the first pixel's first channel on
-    out_step: usize,         // from one pixel to the next
+    out: &'a mut Output<'b>,
+    at: usize,       // of the first pixel's first channel in `out`
+    out_step: usize, // from one pixel to the next
 }
 
-impl<'a, T: To> Tile<'a, T> {
+impl<'a> Tile<'a, '_> {
     /// One row of a pixel's window, as `steps` steps.
     #[inline(always)]
     fn window<D: Dot>(&self, pixel: usize, row: usize, steps: usize) -> &'a [D::Step] {
@@ -246,9 +220,6 @@ impl<'a, T: To> Tile<'a, T> {
     /// Sums the tile's window, then scales, adds the bias, applies ReLU, and writes.
     #[inline(always)]
     fn run<D: Dot, const GROUPS: usize, const VECTORS: usize>(self, dot: D) {
-        if GROUPS > D::TILE_GROUPS[VECTORS] {
-            unreachable!("more than the registers hold");
-        }
         let (simd, lanes) = (dot.float(), D::Float::LANES);
         let mut start = [dot.sums(self.start); VECTORS];
         for (v, start) in start.iter_mut().enumerate() {
@@ -263,21 +234,21 @@ impl<'a, T: To> Tile<'a, T> {
                 if p > 0 && pixel >= self.pixels {
                     continue;
                 }
-                let out = &mut self.out[pixel * self.out_step..][..self.bias.len()];
+                let at = self.at + pixel * self.out_step;
                 for (v, sums) in sums.iter().enumerate() {
                     let first = v * lanes;
-                    if first >= out.len() {
+                    if first >= self.bias.len() {
                         continue;
                     }
                     let (scale, bias) = (&self.scale[first..], &self.bias[first..]);
                     let sum = dot.to_f32(dot.of_pixel(*sums, p));
-                    let y = match bias.len() >= lanes {
-                        true => simd.mul_add(sum, simd.load(scale), simd.load(bias)),
-                        false => {
-                            simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias))
-                        }
+                    let y = if bias.len() >= lanes {
+                        simd.mul_add(sum, simd.load(scale), simd.load(bias))
+                    } else {
+                        simd.mul_add(sum, simd.load_partial(scale), simd.load_partial(bias))
                     };
-                    self.to.store(simd, simd.max(y, floor), &mut out[first..]);
+                    let y = simd.max(y, floor);
+                    self.out.write(simd, y, at + first, bias.len());
                 }
             }
         }
@@ -339,7 +310,7 @@ impl<'a, T: To> Tile<'a, T> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Algorithm, Conv, Input, Output};
+    use super::super::{Algorithm, Conv, Input};
     use super::*;
     use crate::par::Threads;
     use crate::testing::{assert_close, noise};

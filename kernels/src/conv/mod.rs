@@ -19,21 +19,21 @@
 //! | `im2col.rs` | patches and a general matrix product: the portable yardstick |
 //! | `pooled.rs` | a convolution and the max-pool after it, band by band |
 
-/// Calls `$tile.$run` with the sizes of a register tile as constants.
+/// Calls `$tile.$run` with the sizes of a register tile as constants, of which `$most[vectors]` is the most pixels.
 ///
 /// The compiler unrolls a tile completely and keeps its sums in registers; a size that is a variable would put them in
-/// memory.
+/// memory. Sizes beyond the instruction set's registers are not compiled at all.
 macro_rules! for_tile {
-    ($pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr) => {
-        for_tile!(@table $pixels, $vectors, $tile.$run, $set, $token;
+    ($pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr, $most:expr) => {
+        for_tile!(@table $pixels, $vectors, $tile.$run, $set, $token, $most;
             (1 1) (2 1) (3 1) (4 1) (5 1) (6 1) (7 1) (8 1) (9 1)
             (1 2) (2 2) (3 2) (4 2) (5 2) (6 2) (7 2) (8 2) (9 2)
             (1 3) (2 3) (3 3) (4 3) (5 3) (6 3) (7 3) (8 3) (9 3))
     };
-    (@table $pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr;
+    (@table $pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr, $most:expr;
      $(($p:literal $v:literal))*) => {
         match ($pixels, $vectors) {
-            $(($p, $v) => $tile.$run::<$set, $p, $v>($token),)*
+            $(($p, $v) if const { $p <= $most[$v] } => $tile.$run::<$set, $p, $v>($token),)*
             (pixels, vectors) => unreachable!("tile of {pixels} pixels x {vectors} vectors"),
         }
     };

@@ -523,12 +523,17 @@ impl<U: Source> Kernel for Tile<'_, U> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
+        // Only the instruction set's own tiles are compiled.
         macro_rules! run {
             ($($n:literal)*) => {
-                match (S::LONG_TILE.0, self.group.tiles) {
-                    $((1, $n) => self.run_sized::<S, 1, $n>(simd),
-                    (_, $n) => self.run_sized::<S, 2, $n>(simd),)*
-                    (_, tiles) => unreachable!("{tiles} tiles"),
+                match self.group.tiles {
+                    $($n if const { S::LONG_TILE.0 == 1 && $n <= S::LONG_TILE.1 } => {
+                        self.run_sized::<S, 1, $n>(simd)
+                    }
+                    $n if const { S::LONG_TILE.0 == 2 && $n <= S::LONG_TILE.1 } => {
+                        self.run_sized::<S, 2, $n>(simd)
+                    })*
+                    tiles => unreachable!("{tiles} tiles"),
                 }
             };
         }
@@ -548,9 +553,6 @@ impl<U: Source> Tile<'_, U> {
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run_sized<S: Simd, const VECTORS: usize, const TILES: usize>(self, simd: S) {
-        if VECTORS != S::LONG_TILE.0 || TILES > S::LONG_TILE.1 {
-            unreachable!("another tile than the instruction set's");
-        }
         let Tile {
             group,
             weights,

@@ -217,10 +217,12 @@ impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
                 } = kernels.layout;
                 let u = &kernels.u[(row * channels + first) * A * inputs..]
                     [..A * inputs * vectors * S::LANES];
-                if kernels.short {
+                // The condition on constants keeps the short products of instruction sets without the registers uncompiled.
+                if const { SHORT_TILES * A <= S::LONG_TILE.1 } && kernels.short {
                     simd.call(ShortProducts::<A, M> { strip, v, u, half });
                 } else {
-                    simd.call(Products::<A> {
+                    simd.call(Products {
+                        points: A,
                         strip,
                         vectors,
                         v,
@@ -235,20 +237,22 @@ impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
 }
 
 /// `M = V U` for one row of points, one block, and the tiles of a strip: per point `[tiles, Cin] x [Cin, lanes]`.
-struct Products<'a, const A: usize> {
+struct Products<'a> {
+    points: usize, // of the row
     strip: &'a Strip<'a>,
     vectors: usize,   // of the block
     v: &'a [f32],     // of the row's first point and the first group
-    u: &'a [f32],     // A times [Cin, vectors * LANES]
-    m: &'a mut [f32], // [tiles * vectors][A][LANES]
+    u: &'a [f32],     // points times [Cin, vectors * LANES]
+    m: &'a mut [f32], // [tiles * vectors][points][LANES]
 }
 
-impl<const A: usize> Kernel for Products<'_, A> {
+impl Kernel for Products<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Products {
+            points,
             strip,
             vectors,
             v,
@@ -256,22 +260,23 @@ impl<const A: usize> Kernel for Products<'_, A> {
             m,
         } = self;
         let StripPlan { v_step, v_len, .. } = *strip.plan;
-        for (j, u) in u.chunks_exact(u.len() / A).enumerate() {
+        for (j, u) in u.chunks_exact(u.len() / points).enumerate() {
             let (v, m) = (&v[j * v_step..], &mut m[j * S::LANES..]);
             // A point's U stays in the L1 cache while all groups of tiles pass over it.
             let (mut groups, mut vs) = (0, 0); // done so far, and vectors of M
             for (count, tiles) in strip.runs() {
                 if count > 0 {
-                    let m = &mut m[vs * A * S::LANES..];
-                    let some = Groups::<A> {
+                    let m = &mut m[vs * points * S::LANES..];
+                    let some = Groups {
                         count,
                         v: &v[groups * v_len..],
                         v_len,
                         u,
                         first: groups == 0,
                         m,
+                        m_step: points * S::LANES,
                     };
-                    super::super::for_tile!(tiles, vectors, some.run, S, simd);
+                    super::super::for_tile!(tiles, vectors, some.run, S, simd, S::TILE_PIXELS);
                     (groups, vs) = (groups + count, vs + count * tiles * vectors);
                 }
             }
@@ -280,25 +285,23 @@ impl<const A: usize> Kernel for Products<'_, A> {
 }
 
 /// The same for one point and some groups of equal size.
-struct Groups<'a, const A: usize> {
+struct Groups<'a> {
     count: usize,
     v: &'a [f32],
     v_len: usize,
     u: &'a [f32],
     first: bool, // whether these are the first groups, which prefetch the next point's U
     m: &'a mut [f32],
+    m_step: usize, // from one vector of M to the next
 }
 
-impl<const A: usize> Groups<'_, A> {
+impl Groups<'_> {
     /// The hot loop, `add_products`, once per group: a register tile of `TILES` tiles x `VECTORS` channel vectors.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize, const VECTORS: usize>(self, simd: S) {
-        if TILES > S::TILE_PIXELS[VECTORS] {
-            unreachable!("more than the registers hold");
-        }
         let cin = self.u.len() / (VECTORS * S::LANES);
-        let step = A * S::LANES; // between the vectors of M
+        let step = self.m_step;
         for group in 0..self.count {
             let v = &self.v[group * self.v_len..][..TILES * cin];
             let m = &mut self.m[group * TILES * VECTORS * step..]
@@ -373,9 +376,6 @@ impl<const A: usize, const M: usize> ShortGroup<'_, A, M> {
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize>(self, simd: S) {
-        if SHORT_TILES * A > S::LONG_TILE.1 {
-            unreachable!("more than the registers hold");
-        }
         let v_step = step(SHORT_TILES * SHORT_CHANNELS);
         let v = &self.v[..(A - 1) * v_step + TILES * SHORT_CHANNELS];
         let u = &self.u[..A * SHORT_CHANNELS * S::LANES];
