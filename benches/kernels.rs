@@ -1,9 +1,15 @@
-//! Convolution at the network's real layer shapes, per instruction set and algorithm, with the share of the measured
-//! multiply-add peak: `cargo bench --bench kernels [-- full] [NAME...]`. `full` takes the unpruned widths; names of
-//! instruction sets and algorithms, where given, choose the columns.
+//! Times each convolution of the network, per instruction set and algorithm, as a share of the
+//! measured multiply-add peak:
+//!
+//! ```text
+//! cargo bench --bench kernels [-- full] [NAME...]
+//! ```
+//!
+//! `full` takes the unpruned widths. Names of instruction sets and algorithms choose the columns;
+//! without any, all are measured.
 
 use bytemuck::Zeroable;
-use kernels::conv::{Algorithm, Conv};
+use kernels::conv::{Algorithm, Arithmetic, Conv};
 use kernels::par::Threads;
 use kernels::quant::Quantization;
 use kernels::simd::{Dot, DotKernel, Kernel, Simd};
@@ -13,7 +19,7 @@ use std::time::Instant;
 use track_cpu::model::conv_shape;
 use weights_format::{Architecture, Branch, LayerKind, Widths};
 
-/// One number that depends on every chain, so that none is left out.
+/// One number that depends on every chain, so that the compiler drops none.
 #[inline(always)]
 fn total<S: Simd>(simd: S, sums: [S::F32; Peak::CHAINS]) -> f32 {
     let all = sums
@@ -24,7 +30,7 @@ fn total<S: Simd>(simd: S, sums: [S::F32; Peak::CHAINS]) -> f32 {
     out[0]
 }
 
-/// Independent multiply-adds, as many as hide the latency.
+/// Chains of multiply-adds that do not depend on each other, enough to hide the latency.
 struct Peak {
     rounds: usize,
 }
@@ -52,7 +58,7 @@ impl Kernel for Peak {
     }
 }
 
-/// Returns how many products of bytes one instruction makes per lane.
+/// Returns the products of bytes that one instruction makes per lane.
 impl DotKernel for Peak {
     type Output = usize;
 
@@ -75,7 +81,7 @@ impl DotKernel for Peak {
     }
 }
 
-/// The same with pairs of 16-bit integers.
+/// Chains of dot products of 16-bit pairs.
 struct Int16Peak {
     rounds: usize,
 }
@@ -90,7 +96,7 @@ impl DotKernel for Int16Peak {
         let mut x = dot.splat_pair(black_box([1; 2]));
         let mut sums = [dot.zero(); Peak::CHAINS];
         for _ in 0..self.rounds {
-            x = black_box(x); // else the compiler takes the product out of the loop
+            x = black_box(x); // or the compiler would move the product out of the loop
             for sum in &mut sums {
                 *sum = dot.dot_pairs(x, weights, *sum);
             }
@@ -99,7 +105,7 @@ impl DotKernel for Int16Peak {
     }
 }
 
-/// Seconds of the median of `n` runs, after one to warm up.
+/// The median of `n` runs in seconds, after one to warm up.
 fn median(n: usize, mut run: impl FnMut()) -> f64 {
     run();
     let mut times: Vec<f64> = (0..n)
@@ -113,7 +119,7 @@ fn median(n: usize, mut run: impl FnMut()) -> f64 {
     times[n / 2]
 }
 
-/// What the instruction set can do at most, in `f32`, in bytes and in 16-bit integers: 10^9 operations per second.
+/// The instruction set's peaks in `f32`, bytes and 16-bit integers, in 10^9 operations per second.
 fn peaks(isa: Isa) -> [f64; 3] {
     let rounds = 100_000;
     let operations = (2 * rounds * Peak::CHAINS * isa.lanes()) as f64;
@@ -138,6 +144,7 @@ fn main() {
         .filter(|a| !a.starts_with("--"))
         .collect();
     let full = args.iter().any(|a| a == "full");
+    // A name chooses if it is given, or if none of its kind is.
     let asked = |names: &[&str], name: &str| {
         !args.iter().any(|a| names.contains(&a.as_str())) || args.iter().any(|a| a == name)
     };
@@ -162,7 +169,7 @@ fn main() {
     let architecture = Architecture::new(widths, None);
     let threads = Threads::new(1);
     println!(
-        "one thread; ms (10^9 operations/s, % of the measured multiply-add peak, of int8 or int16 for those)"
+        "one thread; ms (10^9 operations/s, % of the measured peak of the same arithmetic)"
     );
     print!("{:18} {:>7}", "layer", "MMAC");
     for isa in &isas {
@@ -172,6 +179,8 @@ fn main() {
     }
     println!();
     let peaks: Vec<[f64; 3]> = isas.iter().map(|isa| peaks(*isa)).collect();
+    // Walk the search branch layer by layer; a few layers read another map than the one before them
+    // wrote.
     let mut input_side = architecture.search_size;
     let mut totals = vec![0.0; isas.len() * algorithms.len()];
     for layer in architecture.layers() {
@@ -226,7 +235,10 @@ fn main() {
                 let rate = gflop / seconds;
                 let peak = match algorithm {
                     Algorithm::Int8(_) => peak[1],
-                    Algorithm::Winograd6Int16(_) | Algorithm::Winograd8Int16(_) => peak[2],
+                    Algorithm::Winograd {
+                        arithmetic: Arithmetic::Int16(_),
+                        ..
+                    } => peak[2],
                     _ => peak[0],
                 };
                 print!(
@@ -239,8 +251,8 @@ fn main() {
         println!();
     }
     print!("{:18} {:7}", "sum", "");
-    totals
-        .iter()
-        .for_each(|t| print!(" | {:7.3} ms{:13}", t * 1e3, ""));
+    for total in totals {
+        print!(" | {:7.3} ms{:13}", total * 1e3, "");
+    }
     println!();
 }

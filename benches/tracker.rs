@@ -1,12 +1,18 @@
-//! From frame to box, end to end: the median `update` of the built-in model on rendered 720p frames that are ready in memory, per
-//! instruction set, precision and number of threads: `cargo bench --bench tracker [-- NAME...]`. Names of instruction sets
-//! and precisions, where given, choose the rows. `track-cpu bench` measures more about one of them.
+//! Times the tracker from frame to box: the median `update` of the built-in model on rendered 720p
+//! frames in memory, per instruction set, precision and number of threads:
+//!
+//! ```text
+//! cargo bench --bench tracker [-- NAME...]
+//! ```
+//!
+//! Names of instruction sets and precisions choose the rows. `track-cpu bench` measures more about
+//! one of them.
 
 use scenes::{Flight, FlightConfig, FrameBuffer};
 use std::time::{Duration, Instant};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Precision, Tracker, TrackerOptions};
 
-/// Frames that are shown, there and back again.
+/// Frames of the clip, which is shown forwards and backwards in turn.
 const FRAMES: usize = 24;
 
 /// Updates per row, after a tenth as many to warm up.
@@ -38,7 +44,7 @@ impl Clip {
         }
     }
 
-    /// Frame `i` of an endless walk to and fro.
+    /// Frame `i` of the clip shown forwards and backwards in turn.
     fn frame(&self, i: usize) -> Frame<'_> {
         let at = i % (2 * FRAMES - 2);
         let frame = &self.frames[at.min(2 * FRAMES - 2 - at)];
@@ -47,7 +53,7 @@ impl Clip {
     }
 }
 
-/// The times of all updates, in order of length, and the mean share of each stage.
+/// The times of all updates, sorted, and the mean share of each stage.
 fn measure(
     clip: &Clip,
     model: &Model,

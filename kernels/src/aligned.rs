@@ -1,4 +1,5 @@
-//! Values that begin with a cache line, so that no vector of them lies across two; many of them in huge pages, where the system has such.
+//! Memory for weights and scratch: aligned to cache lines, so that no vector lies across two, and
+//! in huge pages if large.
 
 use crate::simd::Line;
 use bytemuck::Pod;
@@ -6,11 +7,11 @@ use memmap2::MmapMut;
 use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 
-/// A growable run of values, the first of them at the start of a cache line (64 bytes).
+/// A growable run of values that starts at a cache line (64 bytes).
 #[derive(Clone, Debug)]
 pub struct Aligned<T> {
     memory: Memory,
-    len: usize, // values; what lies behind them is stale
+    len: usize, // values; memory after them is stale
     values: PhantomData<T>,
 }
 
@@ -32,7 +33,8 @@ impl<T: Pod> Aligned<T> {
         values
     }
 
-    /// Becomes `len` values, zeros behind those that were there; allocates only beyond the most so far.
+    /// Changes the length to `len`; new values are 0. Allocates only beyond the largest length so
+    /// far.
     pub fn resize(&mut self, len: usize) {
         let lines = (len * size_of::<T>()).div_ceil(size_of::<Line>());
         if lines > self.memory.len() {
@@ -46,7 +48,7 @@ impl<T: Pod> Aligned<T> {
         }
     }
 
-    /// Drops all values, not the room for them.
+    /// Drops all values, but keeps their memory.
     pub fn clear(&mut self) {
         self.len = 0;
     }
@@ -76,20 +78,23 @@ enum Memory {
 }
 
 impl Memory {
-    /// A huge page, in lines. From this size on memory is asked for in such: a network's transformed kernels are read from end to end
-    /// in every pass, and in pages of 4 KiB the processor looks up where each of them lies.
+    /// Lines of a huge page of 2 MiB. From this size on, memory is requested in huge pages.
+    ///
+    /// A network's transformed kernels are read from end to end in every pass. In pages of 4 KiB
+    /// they would miss the TLB at every page.
     const HUGE: usize = (2 << 20) / size_of::<Line>();
 
     fn zeros(lines: usize) -> Memory {
         let bytes = lines * size_of::<Line>();
-        match if lines >= Memory::HUGE {
+        let map = if lines >= Memory::HUGE {
             MmapMut::map_anon(bytes).ok()
         } else {
             None
-        } {
+        };
+        match map {
             Some(map) => {
                 #[cfg(target_os = "linux")]
-                let _ = map.advise(memmap2::Advice::HugePage); // a wish: small pages do as well
+                let _ = map.advise(memmap2::Advice::HugePage); // a hint: small pages work as well
                 Memory::Mapped(map)
             }
             None => Memory::Heap(vec![Line::ZERO; lines]),
@@ -140,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn they_begin_with_a_line() {
+    fn values_of_any_length_start_at_a_cache_line() {
         for len in [1, 15, 16, 17, 1000, 100_000, 3_000_000] {
             assert!(
                 Aligned::<f32>::zeros(len)
@@ -153,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_new_is_zero() {
+    fn values_after_a_resize_are_zero_where_new() {
         let mut values = Aligned::from(&[1u8, 2, 3, 4, 5][..]);
         values.resize(2);
         values.resize(100);
@@ -166,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn many_are_as_few() {
+    fn values_in_huge_pages_resize_and_clone_like_few() {
         let mut values = Aligned::from(&[7u8; 100][..]);
         values.resize(5_000_000);
         assert!(

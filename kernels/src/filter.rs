@@ -1,12 +1,17 @@
-//! One filter over all channels, and its adjoint: what a filter is learned with while tracking.
+//! One filter over all channels, and its adjoint: the two products of a filter that is learned
+//! while tracking.
 //!
-//! Response: `y[i, j] = sum over u, v, c of x[i + u, j + v, c] * f[u, v, c]`, valid, no bias. Adjoint, added to what is there:
-//! `g[u, v, c] += sum over i, j of r[i, j] * x[i + u, j + v, c]`.
+//! ```text
+//! response:  y[i, j]    = sum over u, v, c of x[i + u, j + v, c] * f[u, v, c]      valid, no bias
+//! adjoint:   g[u, v, c] += sum over i, j of r[i, j] * x[i + u, j + v, c]
+//! ```
 //!
-//! Shapes: features `[H, W, C]`, filter `[h, w, C]`, response `[H-h+1, W-w+1]`. Cost: one multiply-accumulate per value of the filter
-//! and of the response, either way; 1.1 million for a 4x4 filter of 128 channels on 26x26 features.
+//! Shapes: features `[H, W, C]`, filter `[h, w, C]`, response `[H-h+1, W-w+1]`. Cost, either way:
+//! one multiply-accumulate per value of the filter and of the response; 1.1 million for a 4x4
+//! filter of 128 channels on 26x26 features.
 //!
-//! A row of the filter is `w * C` values in a row, and so is what it meets of the features: no patches are made.
+//! A row of the filter is `w * C` contiguous values, and meets as many contiguous values of the
+//! features: no patches.
 
 use crate::par::Threads;
 use crate::simd::{Kernel, Simd};
@@ -49,14 +54,14 @@ impl FilterShape {
         self.filter.w * self.channels
     }
 
-    /// The features that the filter's row `u` meets where its response is at (`y`, `x`).
+    /// The features that row `u` of the filter is multiplied with for the response at (`y`, `x`).
     #[inline(always)]
     fn met<'a>(&self, features: &'a [f32], u: usize, y: usize, x: usize) -> &'a [f32] {
         &features[((y + u) * self.size.w + x) * self.channels..]
     }
 }
 
-/// Rows of features that are asked for ahead of the last one in use.
+/// Rows of features between the last one in use and the one that is prefetched.
 const AHEAD: usize = 3;
 
 /// Some rows of a response.
@@ -77,7 +82,8 @@ struct Adjoint<'a> {
     out: &'a mut [f32],  // [rows, filter.w, channels]
 }
 
-/// The response of `filter` (`[h, w, C]`) on `features` (`[H, W, C]`), into `out` (`[H-h+1, W-w+1]`).
+/// The response of `filter` (`[h, w, C]`) on `features` (`[H, W, C]`), into `out`
+/// (`[H-h+1, W-w+1]`).
 ///
 /// Panics if a length is not that of its shape, or if the filter is the larger one.
 pub fn respond(
@@ -107,7 +113,8 @@ pub fn respond(
     });
 }
 
-/// Adds to `out` (`[h, w, C]`) what [`respond`]'s adjoint makes of `response` (`[H-h+1, W-w+1]`) on `features` (`[H, W, C]`).
+/// Adds the adjoint of [`respond`] for `response` (`[H-h+1, W-w+1]`) on `features` (`[H, W, C]`) to
+/// `out` (`[h, w, C]`).
 ///
 /// Panics if a length is not that of its shape, or if the filter is the larger one.
 pub fn adjoint(
@@ -171,8 +178,10 @@ impl Respond<'_> {
         }
     }
 
-    /// Neighboring values of row `y` of `out`, from `x` on: a vector of the features or of the filter is loaded once for all of them.
-    /// Returns how many they are.
+    /// `VALUES` neighboring values of row `y` of `out`, from `x` on. Returns `VALUES`.
+    ///
+    /// The trick is reuse: neighbors see the same cells, so that `VALUES + TAPS - 1` cells and
+    /// `TAPS` taps are loaded for `VALUES * TAPS` multiply-adds.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the vectors in registers
     fn tile<S: Simd, const TAPS: usize, const VALUES: usize>(
@@ -206,7 +215,8 @@ impl Respond<'_> {
                         cells[i] = load(&met[i * channels + c..i * channels + end]);
                     }
                     if u + 1 == filter.h && v == 0 {
-                        // A look comes from memory or the third cache, and this is the first time that it is read.
+                        // Features come from memory or the L3 cache, and the last filter row reads
+                        // them first.
                         for i in 0..VALUES {
                             simd.prefetch(
                                 &met[i * channels + c..],
@@ -248,7 +258,7 @@ impl Kernel for Adjoint<'_> {
             self.out.len() / self.shape.row_len(),
         );
         for from in 0..self.shape.size.h {
-            // The rows of the filter that meet this row of the features: all of them while it is in the nearest cache.
+            // All rows of the filter that meet this row of features, while it is in the L1 cache.
             let met = |u: usize| {
                 from.checked_sub(self.first_row + u)
                     .is_some_and(|y| y < height)
@@ -267,7 +277,8 @@ impl Kernel for Adjoint<'_> {
 }
 
 impl Adjoint<'_> {
-    /// What row `from` of the features adds to neighboring rows of `out`, from `u` on. Returns how many they are.
+    /// Adds the products with row `from` of the features to `ROWS` neighboring rows of `out`, from
+    /// `u` on. Returns `ROWS`.
     #[inline(always)]
     fn rows<S: Simd, const ROWS: usize>(&mut self, simd: S, u: usize, from: usize) -> usize {
         let row_len = self.shape.row_len();
@@ -286,8 +297,11 @@ impl Adjoint<'_> {
         ROWS
     }
 
-    /// The same for neighboring vectors of each, from value `t` on: a vector of the features is loaded once for all rows, a value of the
-    /// response spread once for all vectors. Returns how many values of a row they are.
+    /// Does the same for `VECTORS` vectors of each row, from value `t` on. Returns the number of
+    /// values of a row.
+    ///
+    /// A vector of features is loaded once for all rows, and a value of the response broadcast once
+    /// for all vectors.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn tile<S: Simd, const ROWS: usize, const VECTORS: usize>(
@@ -327,8 +341,8 @@ impl Adjoint<'_> {
         VECTORS * S::LANES
     }
 
-    /// What row `y` of the response adds to the end of row `u` of `out`, from value `t` on: less than one vector. Returns how many
-    /// values they are.
+    /// Adds the products with row `y` of the response to the end of row `u` of `out`, from value
+    /// `t` on: less than one vector. Returns the number of values.
     #[inline(always)]
     fn rest<S: Simd>(&mut self, simd: S, u: usize, y: usize, t: usize) -> usize {
         let (shape, width) = (self.shape, self.shape.out_size().w);
@@ -364,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn response_and_adjoint_equal_the_reference() {
+    fn response_and_adjoint_of_any_shape_equal_the_reference() {
         for shape in shapes() {
             let FilterShape {
                 size,
@@ -402,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_beside_a_row_does_not_count() {
+    fn response_beside_a_nan_is_not_touched_by_it() {
         // The last partial vector of a row must not take in the next pixel, not even times zero.
         let shape = FilterShape {
             size: Size { h: 1, w: 3 },

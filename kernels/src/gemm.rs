@@ -1,12 +1,13 @@
-//! Matrix product `C = A B`, and singular values, through faer, row-major: the only file that names faer.
+//! Matrix product `C = A B` and singular values through faer, row-major. The only file that names
+//! faer.
 //!
-//! `A` is `[m, k]`, `B` is `[k, n]`, `C` is `[m, n]`; `2 m n k` operations.
+//! Shapes: `A` is `[m, k]`, `B` is `[k, n]`, `C` is `[m, n]`. Cost: `m n k` multiply-accumulates.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use std::ops::Range;
 
-/// A factor of a product: a row-major matrix in a slice, the transpose of one, or some of its columns.
+/// A factor of a product: a row-major matrix in a slice, its transpose, or some of its columns.
 #[derive(Clone, Copy, Debug)]
 pub struct Matrix<'a>(MatRef<'a, f32>);
 
@@ -19,18 +20,18 @@ impl<'a> Matrix<'a> {
         Matrix(MatRef::from_row_major_slice(data, rows, columns))
     }
 
-    /// The matrix with rows and columns exchanged; nothing is copied.
+    /// Its transpose, without a copy.
     pub fn transposed(self) -> Matrix<'a> {
         Matrix(self.0.transpose())
     }
 
-    /// Some of its columns; nothing is copied. Panics if there are not so many.
+    /// Some of its columns, without a copy. Panics if there are fewer.
     pub fn columns(self, range: Range<usize>) -> Matrix<'a> {
         Matrix(self.0.subcols(range.start, range.len()))
     }
 
-    /// Its singular values, largest first, as many as the shorter of its extents; `None` if a value is not finite or
-    /// the iteration does not converge.
+    /// Its singular values, largest first, as many as its smaller extent. `None` if a value is not
+    /// finite or the iteration does not converge.
     #[inline] // compiled where it is called: the trainer, not every program with a convolution
     pub fn singular_values(self) -> Option<Vec<f32>> {
         if !self.0.is_all_finite() {
@@ -41,8 +42,9 @@ impl<'a> Matrix<'a> {
         values
     }
 
-    /// Its numerical rank: how many singular values exceed `largest * max(rows, columns) * 2^-23`; `None` where there
-    /// are none ([`singular_values`](Self::singular_values)).
+    /// Its numerical rank: the number of singular values above
+    /// `largest * max(rows, columns) * 2^-23`. `None` if [`singular_values`](Self::singular_values)
+    /// has none.
     ///
     /// Source: the usual tolerance for `f32`; `docs/method.md`, "Pruning".
     #[inline]
@@ -91,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn equals_the_reference() {
+    fn product_of_any_shapes_equals_the_reference() {
         for (m, n, k) in [
             (1, 1, 1),
             (3, 47, 5),
@@ -116,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn some_columns() {
+    fn product_with_some_columns_equals_those_of_the_whole() {
         let (m, n, k) = (4, 9, 6);
         let (a, b) = (noise(m * k, 3), noise(k * n, 4));
         let whole = crate::reference::gemm(m, n, k, &a, &b);
@@ -133,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn singular_values_of_known_matrices() {
+    fn singular_values_of_known_matrices_are_right() {
         let diagonal = [0.0, -3.0, 0.0, 0.5, 0.0, 0.0];
         assert_eq!(
             Matrix::new(&diagonal, 2, 3).singular_values().unwrap(),
@@ -148,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn ranks_of_known_matrices() {
+    fn ranks_of_known_matrices_are_right_at_any_scale() {
         // A product of [m, r] and [r, n] has rank r.
         for (m, n, r) in [
             (28, 28, 28),

@@ -1,4 +1,14 @@
 //! Which instruction set a kernel runs on: detection, and the one dispatch table.
+//!
+//! | name | `f32` lanes | `u8 x i8` products | found on |
+//! |---|---|---|---|
+//! | `portable` | 4: SSE2 or NEON | widened to 16 bits | every x86-64 and aarch64, and as plain Rust elsewhere |
+//! | `avx2` | 8, with FMA | widened to 16 bits | Haswell (2013), Zen and later |
+//! | `avx2-vnni` | 8, with FMA | 4 per lane | Alder Lake, N100 and later, Zen 5 |
+//! | `avx512` | 16, with FMA | widened to 16 bits | Skylake-X |
+//! | `avx512-vnni` | 16, with FMA | 4 per lane | Ice Lake, Zen 4 and later |
+//! | `neon-dotprod` | 4 | 4 per lane (`sdot`) | Cortex-A76: Raspberry Pi 5, RK3588, Orin |
+//! | `neon-i8mm` | 4 | 8 per lane (`usmmla`) | Cortex-A510, A710, X2 and later |
 
 #[cfg(target_arch = "x86_64")]
 use crate::simd::{Avx2, Avx2Vnni, Avx512, Avx512Vnni};
@@ -8,32 +18,32 @@ use crate::simd::{NeonDot, NeonMatrix};
 
 /// An instruction set that this machine has.
 ///
-/// The tokens inside can only be made by detection, so holding an `Isa` is the proof that its instructions exist.
+/// Only detection makes the tokens inside, so an `Isa` is the proof that its instructions exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
-    /// Whatever the compiler's target has: SSE2 on x86-64, NEON on aarch64.
+    /// The baseline of the compiler's target: SSE2 on x86-64, NEON on aarch64.
     Portable(Portable),
     /// NEON with dot products of bytes.
     #[cfg(target_arch = "aarch64")]
     NeonDot(NeonDot),
-    /// NEON with products of matrices of bytes (i8mm).
+    /// NEON with matrix products of bytes (i8mm).
     #[cfg(target_arch = "aarch64")]
     NeonMatrix(NeonMatrix),
     /// AVX2 with FMA: 8 lanes, 16 registers.
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
-    /// The same with dot products of bytes (AVX-VNNI).
+    /// AVX2 with dot products of bytes (AVX-VNNI).
     #[cfg(target_arch = "x86_64")]
     Avx2Vnni(Avx2Vnni),
     /// AVX-512 F/BW/DQ/VL: 16 lanes, 32 registers.
     #[cfg(target_arch = "x86_64")]
     Avx512(Avx512),
-    /// The same with dot products of bytes (AVX-512 VNNI).
+    /// AVX-512 with dot products of bytes (AVX-512 VNNI).
     #[cfg(target_arch = "x86_64")]
     Avx512Vnni(Avx512Vnni),
 }
 
-/// A name that is no instruction set of this machine.
+/// A name that is not one of this machine's instruction sets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IsaError {
     found: String,
@@ -54,7 +64,7 @@ impl std::fmt::Display for IsaError {
 impl std::error::Error for IsaError {}
 
 impl Isa {
-    /// Every instruction set of this machine, slowest first.
+    /// All instruction sets of this machine, slowest first.
     pub fn available() -> Vec<Isa> {
         let all = [
             Some(Isa::Portable(Portable)),
@@ -78,13 +88,13 @@ impl Isa {
     pub fn detect() -> Isa {
         *Isa::available()
             .last()
-            .expect("the portable set is always there")
+            .expect("every machine has the portable set")
     }
 
-    /// The instruction set called `name`, as [`name`](Self::name) gives it.
+    /// The instruction set whose [`name`](Self::name) is `name`, in upper or lower case.
     ///
     /// # Errors
-    /// If there is no such set on this machine; the message lists those there are.
+    /// If this machine has no such set; the message lists those that it has.
     pub fn from_name(name: &str) -> Result<Isa, IsaError> {
         let found = Isa::available()
             .into_iter()
@@ -92,7 +102,7 @@ impl Isa {
         found.ok_or_else(|| IsaError { found: name.into() })
     }
 
-    /// Its name, as [`from_name`](Self::from_name) takes it.
+    /// Its name in reports and options.
     pub fn name(self) -> &'static str {
         match self {
             Isa::Portable(_) => "portable",
@@ -111,7 +121,7 @@ impl Isa {
         }
     }
 
-    /// Runs a kernel compiled for this instruction set: the dispatch table.
+    /// Runs a kernel in its version for this instruction set: the dispatch table.
     #[inline]
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
@@ -129,7 +139,7 @@ impl Isa {
         }
     }
 
-    /// Runs a kernel on bytes compiled for this instruction set.
+    /// Runs a kernel of integer products in its version for this instruction set.
     #[inline]
     pub fn run_dot<K: DotKernel>(self, kernel: K) -> K::Output {
         match self {
@@ -149,7 +159,7 @@ impl Isa {
         }
     }
 
-    /// How many products of bytes ([`Dot::dot`]) it makes in the time of one of `f32`.
+    /// Products of bytes ([`Dot::dot`]) in the time of one product of `f32`.
     pub(crate) fn int8_speed(self) -> u64 {
         match self {
             #[cfg(target_arch = "x86_64")]
@@ -162,18 +172,20 @@ impl Isa {
         }
     }
 
-    /// How many products of `i16` ([`Dot::dot_pairs`]) it makes in the time of one of `f32`: every x86 processor has an instruction for
-    /// two of them, NEON none that would be faster.
+    /// Products of `i16` ([`Dot::dot_pairs`]) in the time of one product of `f32`.
+    ///
+    /// Every x86 processor has an instruction for two of them; NEON has none that would be faster
+    /// than `f32`.
     pub(crate) fn int16_speed(self) -> u64 {
         if cfg!(target_arch = "x86_64") { 2 } else { 1 }
     }
 
-    /// Whether products of integers make a network faster than `f32` does.
+    /// Whether a network runs faster in integers than in `f32`.
     pub fn has_fast_integers(self) -> bool {
         self.int8_speed() > 1 || self.int16_speed() > 1
     }
 
-    /// Lanes of one vector of `f32` or of sums; packed weights are padded to a multiple of it.
+    /// Lanes of one vector; packed weights are padded to a multiple of it.
     pub fn lanes(self) -> usize {
         struct Lanes;
         impl Kernel for Lanes {
@@ -185,7 +197,7 @@ impl Isa {
         self.run(Lanes)
     }
 
-    /// Pixels of a register tile of so many vectors of channels ([`Simd::TILE_PIXELS`]).
+    /// Most pixels of a register tile with this many vectors of channels ([`Simd::TILE_PIXELS`]).
     pub(crate) fn tile_pixels(self, vectors: usize) -> usize {
         struct Pixels(usize);
         impl Kernel for Pixels {
@@ -197,7 +209,7 @@ impl Isa {
         self.run(Pixels(vectors))
     }
 
-    /// The other register tile ([`Simd::LONG_TILE`]).
+    /// The long register tile ([`Simd::LONG_TILE`]): vectors of channels, and most pixels.
     pub(crate) fn long_tile(self) -> (usize, usize) {
         struct LongTile;
         impl Kernel for LongTile {
@@ -209,7 +221,8 @@ impl Isa {
         self.run(LongTile)
     }
 
-    /// What products of bytes take off each activation ([`Dot::OFFSET`]), and how many times four they take ([`Dot::QUADS`]).
+    /// What a dot product subtracts from each activation ([`Dot::OFFSET`]), and its step in fours
+    /// ([`Dot::QUADS`]).
     pub(crate) fn dot_offset_and_quads(self) -> (i32, usize) {
         struct OffsetAndQuads;
         impl DotKernel for OffsetAndQuads {
@@ -233,7 +246,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_lead_back() {
+    fn names_lead_back_and_an_unknown_one_lists_the_known() {
         for isa in Isa::available() {
             assert_eq!(Isa::from_name(isa.name()), Ok(isa));
         }

@@ -1,16 +1,18 @@
-//! Threads, the processor cores they are pinned to, and maps split over them. The only file that names rayon and
-//! core_affinity.
+//! Threads, the processor cores they are pinned to, and maps split over them. The only file that
+//! names rayon and core_affinity.
 //!
-//! Work is split into contiguous blocks of output rows, or of Winograd tiles. One thread computes every output value, in
-//! one order: results have the same bits on any number of threads. Cost: one fork and join per kernel call, a few
-//! microseconds; waking a sleeping pool costs more, so enter it once per frame ([`Threads::enter`]).
+//! Work is split into contiguous blocks of output rows, or of Winograd tiles. One thread computes
+//! every output value, in one order: results have the same bits on any number of threads. Cost: one
+//! fork and join per kernel call, a few microseconds; waking a sleeping pool costs more, so enter
+//! it once per frame ([`Threads::enter`]).
 
 use core_affinity::CoreId;
 use std::ops::Range;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// A pool of worker threads that kernels run on. A pool of one is the caller's own thread, unless it is to be pinned.
+/// A pool of worker threads that kernels run on. A pool of one is the caller's own thread, unless
+/// it is to be pinned.
 #[derive(Debug)]
 pub struct Threads {
     workers: Option<Arc<rayon::ThreadPool>>,
@@ -21,16 +23,18 @@ impl Threads {
     /// The largest number of threads.
     pub const MAX: usize = 256;
 
-    /// Starts `count` threads, clamped to `1..=MAX`. If the system refuses, the caller's own thread does all the work.
+    /// Starts `count` threads, clamped to `1..=MAX`. If the system refuses, the caller's own thread
+    /// does all the work.
     pub fn new(count: usize) -> Threads {
         Threads::start(count, Cores::ANY)
     }
 
-    /// Starts `count` threads, each pinned to one of `cores` in turn. A thread whose core the system refuses runs anywhere.
+    /// Starts `count` threads, each pinned to one of `cores` in turn. A thread whose core the
+    /// system refuses runs anywhere.
     ///
-    /// With [`Cores::ANY`], as many threads as there are cores are pinned to one each. Otherwise the system may wake two of
-    /// them on one core after a pause, such as the one before a camera's next frame, and leave them there for longer than
-    /// a frame takes.
+    /// With [`Cores::ANY`], as many threads as there are cores are pinned to one each. Otherwise
+    /// the system may wake two of them on one core after a pause, such as the one before a camera's
+    /// next frame, and leave them there for longer than a frame takes.
     pub fn pinned(count: usize, cores: Cores) -> Threads {
         let all = Cores::available();
         let one_each = cores == Cores::ANY && count > 1 && count == all.ids().count();
@@ -65,7 +69,8 @@ impl Threads {
         self.count
     }
 
-    /// Runs `work` on one of the threads. Kernels called from within split their rows over all of them.
+    /// Runs `work` on one of the threads. Kernels called from within split their rows over all of
+    /// them.
     ///
     /// Enter once per frame: entering wakes a worker.
     pub fn enter<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
@@ -75,10 +80,11 @@ impl Threads {
         }
     }
 
-    /// Runs two independent jobs side by side, each on half of the threads and with a room of its own.
+    /// Runs two independent jobs side by side, each on half of the threads and with a room of its
+    /// own.
     ///
-    /// On one thread they run one after the other, both in the first room, which the cache then still holds. Call within
-    /// [`enter`](Self::enter).
+    /// On one thread they run one after the other, both in the first room, which the cache then
+    /// still holds. Call within [`enter`](Self::enter).
     pub fn both<T: Send>(
         &self,
         [room_a, room_b]: [&mut T; 2],
@@ -99,8 +105,8 @@ impl Threads {
         rayon::join(|| a(&first, room_a), || b(&second, room_b));
     }
 
-    /// Splits `out` into one block of whole rows (of `row_len` values) per thread, and calls `work(first_row, block)` for
-    /// each. Call within [`enter`](Self::enter).
+    /// Splits `out` into one block of whole rows (of `row_len` values) per thread, and calls
+    /// `work(first_row, block)` for each. Call within [`enter`](Self::enter).
     pub fn split_rows<T: Send>(
         &self,
         out: &mut [T],
@@ -112,8 +118,8 @@ impl Threads {
         });
     }
 
-    /// Does what [`split_rows`](Self::split_rows) does at multiples of `unit` rows, and gives each thread an equal part of
-    /// `scratch`.
+    /// Does what [`split_rows`](Self::split_rows) does at multiples of `unit` rows, and gives each
+    /// thread an equal part of `scratch`.
     pub fn split_rows_with<T: Send>(
         &self,
         out: &mut [T],
@@ -235,7 +241,8 @@ impl OutputPart<'_> {
         self.body.len() / self.tiling.row_len + shared[0] + shared[1]
     }
 
-    /// The rows of the tile in row of tiles `band` and column of tiles `column`, counted as in [`ThreadTiles::tiles`].
+    /// The rows of the tile in row of tiles `band` and column of tiles `column`, counted as in
+    /// [`ThreadTiles::tiles`].
     #[inline(always)]
     pub fn tile(&mut self, band: usize, column: usize) -> TileRows<'_> {
         let Tiling { row_len, rows, len } = self.tiling;
@@ -266,8 +273,8 @@ impl OutputPart<'_> {
 }
 
 impl Threads {
-    /// Splits `out` into tiles, as many for each thread, and calls `work` for each thread's. Call within
-    /// [`enter`](Self::enter).
+    /// Splits `out` into tiles, as many for each thread, and calls `work` for each thread's. Call
+    /// within [`enter`](Self::enter).
     ///
     /// Small maps have only a few rows of tiles: whole ones per thread would be uneven.
     pub fn split_tiles(
@@ -296,7 +303,8 @@ impl Threads {
     }
 }
 
-/// Splits tiles, their outputs and scratch in two halves, recursively, until each thread has its tiles.
+/// Splits tiles, their outputs and scratch in two halves, recursively, until each thread has its
+/// tiles.
 fn split_tiles(
     threads: usize,
     tiles: Range<usize>,
@@ -316,7 +324,8 @@ fn split_tiles(
             scratch,
         });
     }
-    // The cut goes through a row of tiles, or between two: `middle` is the first tile of the right half.
+    // The cut goes through a row of tiles, or between two: `middle` is the first tile of the right
+    // half.
     let left = threads / 2;
     let middle = tiles.start + tiles.len() * left / threads;
     let OutputPart {

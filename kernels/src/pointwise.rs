@@ -1,7 +1,8 @@
-//! Element by element: bytes to floats, the sigmoid of the score and centerness logits, the exponential of the offsets.
+//! Element-wise functions: bytes to floats, the sigmoid of score and centerness logits, the
+//! exponential of offsets.
 //!
-//! A frame has 2 x 289 sigmoids and 4 x 289 exponentials: a few microseconds in plain Rust. ReLU and bias are not here:
-//! they ride along in the convolutions.
+//! A frame has 2 x 289 sigmoids and 4 x 289 exponentials: a few microseconds in plain Rust. ReLU
+//! and bias are part of the convolutions.
 
 /// `out[i] = pixels[i]`.
 ///
@@ -31,7 +32,7 @@ mod tests {
     use crate::testing::assert_close;
 
     #[test]
-    fn equal_the_reference() {
+    fn sigmoid_and_exp_equal_the_reference() {
         let x: Vec<f32> = (-80..80).map(|i| i as f32 / 4.0).collect();
         let s: Vec<f32> = x.iter().map(|v| sigmoid(*v)).collect();
         let expected: Vec<_> = x
@@ -48,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_stay_themselves() {
+    fn widened_bytes_keep_their_values() {
         let pixels: Vec<u8> = (0..=255).collect();
         let mut out = vec![0.0; 256];
         widen(&pixels, &mut out);

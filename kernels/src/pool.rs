@@ -1,13 +1,18 @@
-//! Max-pool: `y[oy, ox, c] = max of x[2 oy + dy, 2 ox + dx, c]`, window 3x3, stride 2, no padding, ceil mode: a last window
-//! that sticks out takes the pixels that exist (spec section 1.1).
+//! Max-pool: `y[oy, ox, c] = max of x[2 oy + dy, 2 ox + dx, c]` over a 3x3 window with stride 2,
+//! without padding.
 //!
-//! Shapes: `[H, W, C] -> [H', W', C]`. Cost: nine loads per output, bound by memory.
+//! Ceil mode: a last window that exceeds the map takes the pixels that exist (`docs/method.md`,
+//! "The network").
+//!
+//! Shapes: `[H, W, C] -> [H', W', C]`. Cost: nine loads per output; bound by memory.
 
 use crate::par::Threads;
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Size};
 
-/// Size of the output for an input of `size`, whose sides must be at least 3.
+/// Size of the output for an input of `size`.
+///
+/// Panics if a side is below 3.
 pub fn out_size(size: Size) -> Size {
     let side = |n: usize| {
         assert!(n >= 3, "input side {n} is smaller than the window 3");
@@ -29,7 +34,8 @@ struct MaxPool<'a> {
     out: &'a mut [f32], // [rows, W', channels]
 }
 
-/// Pools `input` (`[H, W, channels]`) into `out` (`[H', W', channels]`) and returns the output's size.
+/// Pools `input` (`[H, W, channels]`) into `out` (`[H', W', channels]`) and returns the output's
+/// size.
 ///
 /// Panics if a length is not that of its shape.
 pub fn max_pool(
@@ -55,7 +61,7 @@ pub fn max_pool(
     out_size
 }
 
-/// As [`max_pool`], on bytes. A maximum commutes with quantization, so either may come first.
+/// Does what [`max_pool`] does on bytes. Quantization is monotonic, so that pooling may follow it.
 ///
 /// Panics if a length is not that of its shape.
 pub fn max_pool_bytes(
@@ -93,7 +99,8 @@ struct MaxPoolBytes<'a> {
 impl Kernel for MaxPoolBytes<'_> {
     type Output = ();
 
-    /// Plain loops over the channels: compiled for the instruction set, they become its byte maxima.
+    /// Plain loops over the channels: the compiler turns them into the instruction set's byte
+    /// maxima.
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
         let MaxPoolBytes {
@@ -145,6 +152,7 @@ impl Kernel for MaxPool<'_> {
             for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
                 let left = 2 * x;
                 let right = (left + 3).min(size.w);
+                // At the right and bottom edge a window may lack one column or row.
                 let window = &input[(top * size.w + left) * channels..];
                 match (bottom - top, right - left) {
                     (3, 3) => largest::<S, 3, 3>(simd, window, size.w * channels, channels, pixel),
@@ -157,7 +165,7 @@ impl Kernel for MaxPool<'_> {
     }
 }
 
-/// The maximum over a window of `ROWS x COLUMNS` pixels, whose rows begin `row_step` apart; one that sticks out lacks one of three.
+/// The maximum over a window of `ROWS x COLUMNS` pixels, whose rows are `row_step` values apart.
 #[inline(always)]
 fn largest<S: Simd, const ROWS: usize, const COLUMNS: usize>(
     simd: S,
@@ -198,7 +206,7 @@ mod tests {
     use crate::testing::{assert_close, noise};
 
     #[test]
-    fn equals_the_reference() {
+    fn max_pool_of_any_channels_and_sides_equals_the_reference() {
         for channels in [1, 3, 4, 5, 7, 8, 9, 15, 16, 17, 47, 48] {
             for (h, w) in [(3, 3), (4, 3), (5, 6), (7, 12), (9, 10)] {
                 let size = Size { h, w };
@@ -222,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_give_what_floats_give() {
+    fn max_pool_of_bytes_equals_that_of_floats() {
         for (channels, h, w) in [(1, 3, 3), (5, 4, 6), (48, 9, 10), (130, 5, 7)] {
             let size = Size { h, w };
             let bytes: Vec<u8> = noise(size.area() * channels, 5)
@@ -243,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn ceil_mode_of_the_spec() {
+    fn out_size_follows_ceil_mode() {
         for (n, out) in [(147, 73), (69, 34), (59, 29), (25, 12), (4, 2), (6, 3)] {
             assert_eq!(out_size(Size::square(n)), Size::square(out));
         }

@@ -1,6 +1,7 @@
-//! Activations as bytes: `q = round(x / scale) + zero_point`, held in 0..=255.
+//! Activations as bytes: `q = round(x / scale) + zero_point`, clamped to 0..=255.
 //!
-//! Shapes: `[n] -> [n]`. Cost: one pass over a map. Rounding is to nearest, ties to even, as in ONNX's `QuantizeLinear`.
+//! Shapes: `[n] -> [n]`. Cost: one pass over a map. Source: ONNX `QuantizeLinear`, which rounds to
+//! nearest, ties to even.
 
 use crate::Isa;
 use crate::par::Threads;
@@ -10,13 +11,13 @@ use std::hash::{Hash, Hasher};
 /// How real values become bytes: `x = scale * (q - zero_point)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantization {
-    /// Distance of neighboring bytes; above 0.
+    /// Distance between the values of neighboring bytes; above 0.
     pub scale: f32,
     /// The byte that stands for 0.
     pub zero_point: u8,
 }
 
-impl Eq for Quantization {} // a scale is a number
+impl Eq for Quantization {} // a scale is never NaN
 
 impl Hash for Quantization {
     fn hash<H: Hasher>(&self, state: &mut H) {
@@ -25,13 +26,13 @@ impl Hash for Quantization {
 }
 
 impl Quantization {
-    /// Whole numbers from 0 to 255, such as pixels, as they are.
+    /// The identity on whole numbers from 0 to 255, such as pixels.
     pub const PIXELS: Quantization = Quantization {
         scale: 1.0,
         zero_point: 0,
     };
 
-    /// The finest that holds both ends and 0.
+    /// The finest quantization whose range contains `low`, `high` and 0.
     pub fn of_range(low: f32, high: f32) -> Quantization {
         let (low, high) = (low.min(0.0), high.max(0.0));
         let scale = ((high - low) / 255.0).max(f32::MIN_POSITIVE);
@@ -41,7 +42,7 @@ impl Quantization {
         }
     }
 
-    /// Quantizes a vector into `out`, or as much of it as there is room for.
+    /// Quantizes a vector into `out`, or as much of it as `out` has room for.
     #[inline(always)]
     pub(crate) fn store<S: Simd>(self, simd: S, x: S::F32, out: &mut [u8]) {
         let (factor, zero) = (
@@ -64,7 +65,8 @@ impl Quantization {
     }
 }
 
-/// Quantizes `rows` of `row_len` values each into the middle of `out`'s rows of `out_row_len` bytes, from byte `offset` on.
+/// Quantizes `rows` of `row_len` values each into the middle of `out`'s rows of `out_row_len`
+/// bytes, from byte `offset` on.
 struct Quantize<'a> {
     values: &'a [f32],
     row_len: usize,
@@ -74,7 +76,7 @@ struct Quantize<'a> {
     offset: usize,
 }
 
-/// Where the rows of a map go: as they lie, or into the middle of larger ones.
+/// Where the rows of a map go: one after the other, or into the middle of longer rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rows {
     /// Values of a row.
@@ -85,7 +87,8 @@ pub struct Rows {
     pub offset: usize,
 }
 
-/// Quantizes the rows of `values` into those of `out`; bytes of `out` before and behind a row's values stay.
+/// Quantizes the rows of `values` into those of `out`; bytes of `out` before and after a row's
+/// values are kept.
 ///
 /// Panics if `out` has fewer rows, or too short ones.
 pub fn quantize(
@@ -157,7 +160,7 @@ mod tests {
     use crate::testing::noise;
 
     #[test]
-    fn equals_the_reference() {
+    fn quantized_rows_equal_the_reference_and_spare_their_surroundings() {
         let quantization = Quantization {
             scale: 0.007,
             zero_point: 100,
@@ -197,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_hold_their_ends_and_zero() {
+    fn quantization_of_a_range_contains_its_ends_and_zero() {
         for (low, high) in [
             (-1.0, 3.0),
             (0.0, 7.0),
@@ -215,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_stay_themselves() {
+    fn quantized_pixels_keep_their_values() {
         let values: Vec<f32> = (0..=255).map(|v| v as f32).collect();
         for isa in Isa::available() {
             let mut out = vec![0; 256];

@@ -1,4 +1,5 @@
-//! Every kernel again as naive loops in `f64`: the oracle of the tests. Nothing here is meant to be fast.
+//! Every kernel as naive loops in `f64`: the oracle of the tests. It follows the formulas, and is
+//! slow.
 
 use crate::Size;
 use crate::conv::ConvShape;
@@ -17,7 +18,8 @@ pub fn gemm(m: usize, n: usize, k: usize, a: &[f32], b: &[f32]) -> Vec<f64> {
     c
 }
 
-/// Convolution: input `[H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]` -> `[H', W', Cout]`.
+/// Convolution: input `[H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]` ->
+/// `[H', W', Cout]`.
 pub fn conv(
     shape: &ConvShape,
     size: Size,
@@ -57,7 +59,7 @@ pub fn conv(
     y
 }
 
-/// `x / scale + zero_point`, held in 0..=255; not rounded.
+/// `x / scale + zero_point`, clamped to 0..=255; not rounded.
 pub fn quantize(quantization: Quantization, values: &[f32]) -> Vec<f64> {
     let scale = f64::from(quantization.scale);
     let zero = f64::from(quantization.zero_point);
@@ -134,7 +136,8 @@ pub fn filter_adjoint(size: Size, filter: Size, channels: usize, x: &[f32], r: &
     g
 }
 
-/// One bilinear sample of channel `offset` at (`x`, `y`), outside pixels being `border`; not rounded.
+/// One bilinear sample of channel `offset` at (`x`, `y`), outside pixels being `border`; not
+/// rounded.
 pub fn sample(
     image: &crate::resample::Pixels<'_>,
     offset: usize,

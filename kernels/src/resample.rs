@@ -1,9 +1,9 @@
-//! Crop-and-resize: `out[j, i] = bilinear(image, x0 + step i, y0 + step j)`, each tap that lies outside the image replaced by
-//! a constant border; rounded to the nearest byte (spec section 2.2).
+//! Crop and resize: `out[j, i] = bilinear(image, x0 + step i, y0 + step j)`, rounded to the nearest
+//! byte. Taps outside of the image are a constant border (`docs/method.md`, "The crop").
 //!
-//! Shapes: `u8 [h, w, 1..=4]` with a stride -> `u8 [D, D, 3]`. Cost: per output row one pass over the two source rows, which blends them
-//! into one, and `3 D` samples of two taps of that. A column's source coordinate is the same in every row, so it is
-//! computed once.
+//! Shapes: `u8 [h, w, 1..=4]` with a stride `-> u8 [D, D, 3]`. Cost: per output row one pass that
+//! blends two source rows into one, and `3 D` samples of two taps from it. A column's source
+//! coordinate is the same in every row, and is computed once.
 
 use crate::par::Threads;
 use crate::simd::{Kernel, Simd};
@@ -21,7 +21,7 @@ pub struct Pixels<'a> {
     pub stride: usize,
     /// Bytes from one pixel to the next.
     pub bytes_per_pixel: usize,
-    /// Where the three channels wanted lie within a pixel.
+    /// Offsets of the three output channels within a pixel.
     pub offsets: [usize; 3],
 }
 
@@ -38,7 +38,7 @@ pub struct Grid {
     pub side: usize,
 }
 
-/// A source coordinate: the pixel at or before it, and the share of the next one.
+/// A source coordinate: the pixel at or before it, and the weight of the next one.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tap {
     first: i32,
@@ -54,14 +54,14 @@ impl Tap {
         }
     }
 
-    /// The two pixels' indices, where they lie within `0..n`.
+    /// The indices of both pixels, if they lie in `0..n`.
     fn indices(&self, n: usize) -> [Option<usize>; 2] {
         [self.first, self.first.saturating_add(1)]
             .map(|i| usize::try_from(i).ok().filter(|i| *i < n))
     }
 }
 
-/// What [`resample`] works in; grows to the largest crop and frame so far.
+/// Scratch space of [`resample`]; grows to the largest crop and frame so far.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     columns: Vec<Tap>,
@@ -113,10 +113,10 @@ pub fn resample(
     });
 }
 
-/// Values behind a blended row: of a pixel four are read, whatever it has.
+/// Values after a blended row: four are read per pixel, whatever it has.
 const SLACK: usize = 3;
 
-/// Output rows between asking for source rows and reading them: frames come from memory.
+/// Output rows between the prefetch of source rows and their use: frames come from memory.
 const AHEAD: usize = 2;
 
 /// Some rows of one crop.
@@ -153,17 +153,21 @@ impl Kernel for Rows<'_> {
             _ => 0..0,
         };
         let read = read.start * image.bytes_per_pixel..read.end * image.bytes_per_pixel;
-        let mut asked = 0; // rows above it
+        let mut prefetched = 0; // source rows
         for (j, out) in out.chunks_exact_mut(grid.side * 3).enumerate() {
             let tap = |j: usize| Tap::new(grid.y0 + grid.step * (first_row + j) as f64);
-            let [top, bottom] = tap(j + AHEAD).indices(h).map(|y| y.filter(|y| *y >= asked));
+            // Prefetch the source rows of a later output row, each of them once.
+            let [top, bottom] = tap(j + AHEAD)
+                .indices(h)
+                .map(|y| y.filter(|y| *y >= prefetched));
             for y in [top, bottom].into_iter().flatten() {
                 let bytes = &row(y)[read.clone()];
-                (0..bytes.len())
-                    .step_by(size_of::<crate::simd::Line>())
-                    .for_each(|at| simd.prefetch(bytes, at));
-                asked = y + 1;
+                for at in (0..bytes.len()).step_by(size_of::<crate::simd::Line>()) {
+                    simd.prefetch(bytes, at);
+                }
+                prefetched = y + 1;
             }
+            // Columns left of the image, inside, and right of it.
             let tap = tap(j);
             let rows = tap.indices(h).map(|y| y.map(row));
             let line = Line {
@@ -186,14 +190,14 @@ impl Kernel for Rows<'_> {
     }
 }
 
-/// The columns whose two pixels both lie within a row of `w`.
+/// The columns whose two pixels both lie in a row of `w`.
 fn inner_columns(columns: &[Tap], w: usize) -> std::ops::Range<usize> {
     let start = columns.partition_point(|tap| tap.first < 0);
     let end = columns.partition_point(|tap| i64::from(tap.first) + 1 < w as i64);
     start.min(end)..end
 }
 
-/// One output row: two source rows, if they exist, and the share of the lower one.
+/// One output row: two source rows, if they exist, and the weight of the lower one.
 struct Line<'a> {
     image: &'a Pixels<'a>,
     border: [u8; 3],
@@ -202,7 +206,7 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// Columns that lie inside `top` and `bottom`.
+    /// Columns inside the image: blends `top` and `bottom` into one row, then samples that.
     #[inline(always)]
     fn inner(
         &self,
@@ -238,13 +242,14 @@ impl Line<'_> {
             ]);
             *sampled = (left + (right - left) * tap.share + ROUND).to_array();
         }
+        // Adding 2^23 has left the rounded value in the lowest byte of each float.
         let rounded = bytemuck::cast_slice::<f32, u8>(sampled).as_chunks::<16>().0;
         for (bytes, out) in rounded.iter().zip(out.as_chunks_mut::<3>().0) {
             *out = [bytes[low(o0)], bytes[low(o1)], bytes[low(o2)]];
         }
     }
 
-    /// Columns that may lie outside.
+    /// Columns that may lie outside: every tap is checked.
     fn border(&self, columns: &[Tap], out: &mut [u8]) {
         let (bpp, w) = (self.image.bytes_per_pixel, self.image.size.w);
         for (tap, out) in columns.iter().zip(out.chunks_exact_mut(3)) {
@@ -268,7 +273,7 @@ impl Line<'_> {
     }
 }
 
-/// The value `share` of the way from `a` to `b`.
+/// `a` and `b`, blended with weight `share` of `b`.
 #[inline(always)]
 fn blend(a: f32, b: f32, share: f32) -> f32 {
     a + (b - a) * share
@@ -280,7 +285,7 @@ fn round(value: f32) -> u8 {
     (value + ROUND).to_bits() as u8
 }
 
-/// Where the lowest byte of the value `i` lies.
+/// Index of the lowest byte of value `i`.
 #[inline(always)]
 fn low(i: usize) -> usize {
     4 * i + if cfg!(target_endian = "big") { 3 } else { 0 }
@@ -304,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn equals_the_reference() {
+    fn resampled_images_of_any_layout_equal_the_reference() {
         let border = [3, 120, 255];
         for (h, w, bytes_per_pixel, gap, offsets) in [
             (20, 30, 3, 0, [0, 1, 2]),
@@ -388,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn rounds_to_even_and_keeps_constants() {
+    fn blended_constants_stay_and_ties_round_to_even() {
         assert_eq!(
             [0.5, 1.5, 2.5, 254.5, 255.0].map(round),
             [0, 2, 2, 254, 255]

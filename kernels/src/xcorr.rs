@@ -1,8 +1,12 @@
-//! Depthwise cross-correlation: `y[i, j, c] = sum over u, v of x[i + u, j + v, c] * z[u, v, c]`, valid, no bias
-//! (spec section 1.3).
+//! Depthwise cross-correlation: `y[i, j, c] = sum over u, v of x[i + u, j + v, c] * z[u, v, c]`,
+//! valid, no bias.
 //!
-//! Shapes: search features `[H, W, C]`, template features `[h, w, C]` -> response `[H-h+1, W-w+1, C]`.
-//! Cost: one multiply-accumulate per template pixel and response value; 2 x 1.1 MMAC in the network, 0.1 % of it.
+//! Shapes: search features `[H, W, C]`, template features `[h, w, C]` -> response
+//! `[H-h+1, W-w+1, C]`. Cost: one multiply-accumulate per template pixel and response value; 0.1 %
+//! of the network's. Source: SiamRPN++ (Li et al., 2019); `docs/method.md`, "The network".
+//!
+//! The trick is reuse: 8 neighboring pixels and 4 columns of the template share 11 loads of search
+//! features.
 
 use crate::par::Threads;
 use crate::simd::{Kernel, Simd};
@@ -19,7 +23,8 @@ struct Correlate<'a> {
     out: &'a mut [f32], // [rows, W', channels]
 }
 
-/// Correlates `search` (`[H, W, channels]`) with `template` (`[h, w, channels]`) into `out` and returns its size.
+/// Correlates `search` (`[H, W, channels]`) with `template` (`[h, w, channels]`) into `out` and
+/// returns its size.
 ///
 /// Panics if a length is not that of its shape, or if the template is the larger one.
 #[allow(clippy::too_many_arguments)] // two maps with their sizes
@@ -73,7 +78,7 @@ impl Kernel for Correlate<'_> {
     fn run<S: Simd>(mut self, simd: S) {
         let width = self.size.w - self.template_size.w + 1;
         for y in 0..self.out.len() / (width * self.channels) {
-            // The last pixels reach back where they would reach beyond.
+            // The last group overlaps its neighbor rather than exceed the row.
             let groups = |pixels: usize| {
                 (0..width)
                     .step_by(pixels)
@@ -89,8 +94,8 @@ impl Kernel for Correlate<'_> {
 }
 
 impl Correlate<'_> {
-    /// All channels of neighboring pixels of row `y` of `out`, from `x` on: what they see of the search features lies in few runs of
-    /// memory, and stays in the first cache.
+    /// All channels of `PIXELS` neighboring pixels of row `y` of `out`, from `x` on: their windows
+    /// are few runs of memory, and stay in the L1 cache.
     #[inline(always)]
     fn pixels<S: Simd, const PIXELS: usize>(&mut self, simd: S, y: usize, x: usize) {
         let whole = self.channels / S::LANES * S::LANES;
@@ -102,7 +107,8 @@ impl Correlate<'_> {
         }
     }
 
-    /// One vector of channels, `WHOLE` or with fewer lanes, of these pixels: a template value is loaded once for all of them.
+    /// One vector of channels, `WHOLE` or with fewer lanes, of these pixels: a template value is
+    /// loaded once for all.
     #[inline(always)]
     fn tile<S: Simd, const PIXELS: usize, const WHOLE: bool>(
         &mut self,
@@ -154,8 +160,8 @@ impl Correlate<'_> {
     }
 }
 
-/// Adds what `COLUMNS` of the template (`z`) see of a row of search features (`x`) to neighboring pixels: each value is loaded once.
-/// Returns how many columns they are.
+/// Adds the products of `COLUMNS` columns of a template row (`z`) with a row of search features
+/// (`x`) to neighboring pixels: each value is loaded once. Returns `COLUMNS`.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)] // constant indices keep the values in registers
 fn add<S: Simd, const PIXELS: usize, const COLUMNS: usize>(
@@ -182,7 +188,7 @@ mod tests {
     use crate::testing::{assert_close, noise};
 
     #[test]
-    fn equals_the_reference() {
+    fn xcorr_of_any_channels_and_sizes_equals_the_reference() {
         for channels in [1, 3, 4, 5, 7, 8, 9, 15, 16, 17, 47, 128] {
             for (h, w, template) in [(4, 4, 4), (7, 9, 4), (6, 5, 1), (5, 8, 3)] {
                 let (size, template_size) = (Size { h, w }, Size::square(template));

@@ -1,7 +1,9 @@
-//! How a convolution is computed, and the plan: which algorithm is expected to be fastest for a shape.
+//! How a convolution is computed, and the plan: which algorithm is expected to be fastest for a
+//! shape.
 //!
-//! The plan is arithmetic, not a measurement at load time, so that the same model computes the same bits in every run.
-//! It compares estimates in one unit, a multiply-accumulate of the `f32` register tile ([`Algorithm::cost`]).
+//! The plan is arithmetic, not a measurement at load time, so that the same model computes the same
+//! bits in every run. It compares estimates in one unit, a multiply-accumulate of the `f32`
+//! register tile ([`Algorithm::cost`]).
 
 use super::{ConvShape, fold, winograd};
 use crate::quant::Quantization;
@@ -12,9 +14,11 @@ use crate::{Isa, Size};
 pub enum Algorithm {
     /// Register tiles over the input in place.
     Direct,
-    /// Patches copied into a matrix, then one matrix product by faer, which picks its own instruction set.
+    /// Patches copied into a matrix, then one matrix product by faer, which picks its own
+    /// instruction set.
     Im2col,
-    /// Winograd's algorithm over tiles of `points x points` inputs; 3 to 6 times fewer multiplications.
+    /// Winograd's algorithm over tiles of `points x points` inputs; 3 to 6 times fewer
+    /// multiplications.
     Winograd {
         /// Points along one side of a tile.
         points: Points,
@@ -25,7 +29,8 @@ pub enum Algorithm {
     Int8(Quantization),
 }
 
-/// Side of a tile of inputs in Winograd's algorithm: the number of points at which polynomials are multiplied.
+/// Side of a tile of inputs in Winograd's algorithm: the number of points at which polynomials are
+/// multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Points {
     /// Tiles of 6 x 6 inputs.
@@ -108,8 +113,8 @@ impl Algorithm {
         Algorithm::cheapest(candidates, shape, |a| a.cost(1, shape, size))
     }
 
-    /// The algorithm that is expected to be fastest for an input of `size` whose values lie in the range of `input`,
-    /// where integers are accurate enough.
+    /// The algorithm that is expected to be fastest for an input of `size` whose values lie in the
+    /// range of `input`, where integers are accurate enough.
     pub fn plan_integers(
         isa: Isa,
         shape: &ConvShape,
@@ -145,11 +150,12 @@ impl Algorithm {
             .expect("direct supports every shape")
     }
 
-    /// An estimate of the time for an input of `size`, in multiply-accumulates of the `f32` register tile.
+    /// An estimate of the time for an input of `size`, in multiply-accumulates of the `f32`
+    /// register tile.
     ///
-    /// `speed` products of this algorithm take as long as one of those. The constants were fitted to measurements
-    /// (Zen 4, AVX-512): the estimates are within a tenth of the clock for most layers of the network, and order the
-    /// algorithms as the clock does.
+    /// `speed` products of this algorithm take as long as one of those. The constants were fitted
+    /// to measurements (Zen 4, AVX-512): the estimates are within a tenth of the clock for most
+    /// layers of the network, and order the algorithms as the clock does.
     fn cost(self, speed: u64, shape: &ConvShape, size: Size) -> u64 {
         const POINT: u64 = 8; // to transform one input point of a tile, per channel
         const OUTPUT: u64 = 32; // to transform one output of a tile, per channel

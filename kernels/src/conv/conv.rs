@@ -1,4 +1,5 @@
-//! A convolution that is ready to run: its weights laid out once, for one algorithm on one instruction set.
+//! A convolution that is ready to run: its weights laid out once, for one algorithm on one
+//! instruction set.
 
 use super::{Algorithm, Arithmetic, ConvShape, direct, fold, im2col, int8, winograd};
 use crate::par::Threads;
@@ -10,8 +11,8 @@ use crate::{Isa, Size};
 pub enum Input<'a> {
     /// Single precision: every algorithm reads it.
     Floats(&'a [f32]),
-    /// Bytes in the quantization of the convolution's [`Algorithm::Int8`], followed by [`SLACK`](super::SLACK) bytes
-    /// of any value.
+    /// Bytes in the quantization of the convolution's [`Algorithm::Int8`], followed by
+    /// [`SLACK`](super::SLACK) bytes of any value.
     Bytes(&'a [u8]),
 }
 
@@ -66,8 +67,8 @@ pub(super) enum Weights {
 impl Conv {
     /// Lays out `weights` (`[Cout, k, k, Cin]`) and `bias` (`[Cout]`).
     ///
-    /// Takes [`Algorithm::Direct`] where `algorithm` does not support the shape. Panics if a length is not that of the
-    /// shape.
+    /// Takes [`Algorithm::Direct`] where `algorithm` does not support the shape. Panics if a length
+    /// is not that of the shape.
     pub fn new(
         isa: Isa,
         algorithm: Algorithm,
@@ -146,7 +147,8 @@ impl Conv {
             }
     }
 
-    /// Convolves `input` (`[H, W, Cin]`) into `out` (`[H', W', Cout]`) and returns the output's size.
+    /// Convolves `input` (`[H, W, Cin]`) into `out` (`[H', W', Cout]`) and returns the output's
+    /// size.
     ///
     /// Panics if a length is not that of its shape, or if `scratch` is shorter than
     /// [`scratch_len`](Self::scratch_len).
@@ -167,10 +169,11 @@ impl Conv {
         )
     }
 
-    /// Does what [`run`](Self::run) does where the layer before hands over bytes or the layer after takes them.
-    /// The bits are the same as by way of `f32`.
+    /// Does what [`run`](Self::run) does where the layer before hands over bytes or the layer after
+    /// takes them. The bits are the same as by way of `f32`.
     ///
-    /// Panics as `run` does, and if an algorithm other than [`Algorithm::Int8`] gets bytes, or a padded layer does.
+    /// Panics as `run` does, and if an algorithm other than [`Algorithm::Int8`] gets bytes, or a
+    /// padded layer does.
     pub fn run_between(
         &self,
         threads: &Threads,
@@ -194,7 +197,8 @@ impl Conv {
         let (prepared, scratch) = scratch.split_at_mut(self.prepared_len(size));
         let row_len = out_size.w * shape.out_channels;
         let bias = &self.bias;
-        // Each arm brings the input into the form that its tiles read, then splits the output over the threads.
+        // Each arm brings the input into the form that its tiles read, then splits the output over
+        // the threads.
         match (&self.weights, input, out) {
             (Weights::Direct(weights), Input::Floats(input), Output::Floats(out)) => {
                 let (input, size) = self.pad(input, size, prepared);
@@ -288,7 +292,8 @@ impl Conv {
         (padded, self.shape.padded(size))
     }
 
-    /// Quantizes `input` into the middle of `bytes`; the padding around it is the zero-point, which stands for 0.
+    /// Quantizes `input` into the middle of `bytes`; the padding around it is the zero-point, which
+    /// stands for 0.
     fn quantize(
         &self,
         threads: &Threads,

@@ -1,11 +1,12 @@
 //! Direct convolution in register tiles: `y = relu(b + sum of w x)` over the input in place.
 //!
-//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost: one multiply-add per product, at 90 to 100 % of the processor's peak.
-//! Source: the register tiling of GotoBLAS (Goto and van de Geijn, "Anatomy of high-performance matrix
-//! multiplication", 2008), without its copies: a row of the window is contiguous already.
+//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost: one multiply-add per product, at 90 to 100 % of
+//! the processor's peak. Source: the register tiling of GotoBLAS (Goto and van de Geijn, "Anatomy
+//! of high-performance matrix multiplication", 2008), without its copies: a row of the window is
+//! contiguous already.
 //!
-//! The basic idea is simple: a register tile of outputs (up to 9 neighboring pixels x up to 3 vectors of channels) stays
-//! in registers while its window is walked once.
+//! The basic idea is simple: a register tile of outputs (up to 9 neighboring pixels x up to 3
+//! vectors of channels) stays in registers while its window is walked once.
 //!
 //! ```text
 //! for each block of 1..=3 channel vectors     stays in the L2 cache while all rows pass over it
@@ -17,15 +18,18 @@
 //!
 //! Three tricks make it fast:
 //!
-//! - Reuse: `V` weight vectors and `P` broadcast inputs feed `P * V` multiply-adds, so loads are not the bottleneck.
+//! - Reuse: `V` weight vectors and `P` broadcast inputs feed `P * V` multiply-adds, so loads are
+//!   not the bottleneck.
 //! - Packing: weights lie in the order of the walk, so that every load is sequential.
-//! - Even tiles: a row is split into tiles of nearly equal width instead of full ones and a small, slow rest.
+//! - Even tiles: a row is split into tiles of nearly equal width instead of full ones and a small,
+//!   slow rest.
 
 use super::ConvShape;
 use crate::simd::{Kernel, Simd};
 use crate::{Aligned, Isa, Size};
 
-/// Weights in the order of the walk: `[block][k * k * Cin][vectors of the block * LANES]`, zeros after the last channel.
+/// Weights in the order of the walk: `[block][k * k * Cin][vectors of the block * LANES]`, zeros
+/// after the last channel.
 #[derive(Clone, Debug)]
 pub(super) struct PackedWeights {
     data: Aligned<f32>,
@@ -52,7 +56,8 @@ impl PackedWeights {
     }
 }
 
-/// Appends `weights` (`[outputs, inputs]`) to `data` as `[block][inputs][vectors of the block * LANES]`.
+/// Appends `weights` (`[outputs, inputs]`) to `data` as
+/// `[block][inputs][vectors of the block * LANES]`.
 pub(super) fn pack(isa: Isa, outputs: usize, inputs: usize, weights: &[f32], data: &mut Vec<f32>) {
     let lanes = isa.lanes();
     let vectors = outputs.div_ceil(lanes);
@@ -98,7 +103,8 @@ impl Kernel for Direct<'_> {
         } = self;
         let width = (size.w - shape.kernel) / shape.stride + 1;
         let (channels, window) = (shape.out_channels, shape.window());
-        // Blocks are the outer loop: one block's weights serve all rows before the next block's are read.
+        // Blocks are the outer loop: one block's weights serve all rows before the next block's are
+        // read.
         let mut packed = &weights.data[..];
         let mut first = 0; // channel of the block
         for vectors in blocks(channels.div_ceil(S::LANES)) {
@@ -149,7 +155,8 @@ struct Tile<'a> {
 }
 
 impl Tile<'_> {
-    /// Computes the tile's sums, adds the bias, applies ReLU, and writes them: the map is touched once.
+    /// Computes the tile's sums, adds the bias, applies ReLU, and writes them: the map is touched
+    /// once.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
@@ -202,14 +209,15 @@ impl Tile<'_> {
     }
 }
 
-/// The hot loop: adds the products of `len` values of each pixel with `weights` (`[len, VECTORS * LANES]`).
-/// Most of a frame's time in `f32` is spent here, or in its copy for Winograd's point products.
+/// The hot loop: adds the products of `len` values of each pixel with `weights`
+/// (`[len, VECTORS * LANES]`). Most of a frame's time in `f32` is spent here, or in its copy for
+/// Winograd's point products.
 ///
 /// ```text
 /// for j in 0..len
-///   w[v]      = load of weights[j][v]                  VECTORS loads
-///   x         = broadcast of pixels[i][j]              PIXELS broadcasts, folded into the multiply-add by AVX-512
-///   sums[i][v] += x * w[v]                             PIXELS * VECTORS multiply-adds
+///   w[v] = load of weights[j][v]           VECTORS loads
+///   x    = broadcast of pixels[i][j]       PIXELS broadcasts; AVX-512 has them within the multiply-add
+///   sums[i][v] += x * w[v]                 PIXELS * VECTORS multiply-adds
 /// ```
 ///
 /// If `AHEAD`, prefetches the weights that follow these, which the next call reads.

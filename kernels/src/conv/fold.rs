@@ -1,16 +1,19 @@
-//! Rewrites a strided convolution as one of stride 1 (space to depth): the input's phases become channels.
+//! Rewrites a strided convolution as one of stride 1 (space to depth): the input's phases become
+//! channels.
 //!
-//! With stride `s`, the inputs `x[s Y + p]` of one phase `p < s` form a map of their own, `s` times smaller, and
+//! With stride `s`, the inputs `x[s Y + p]` of one phase `p < s` form a map of their own, `s` times
+//! smaller, and
 //!
 //! ```text
 //! y[Y] = sum over k of w[k] x[s Y + k] = sum over p, q of w[s q + p] x_p[Y + q]
 //! ```
 //!
-//! A kernel of side `k` with stride `s` on `Cin` channels is therefore one of side `ceil(k / s)` with stride 1 on
-//! `s * s * Cin` channels, zero where `s q + p >= k`. The network's 11 x 11 kernel with stride 2 on 3 channels becomes
-//! 6 x 6 on 12, which Winograd's algorithm supports.
+//! A kernel of side `k` with stride `s` on `Cin` channels is therefore one of side `ceil(k / s)`
+//! with stride 1 on `s * s * Cin` channels, zero where `s q + p >= k`. The network's 11 x 11 kernel
+//! with stride 2 on 3 channels becomes 6 x 6 on 12, which Winograd's algorithm supports.
 //!
-//! Shapes: input `[H, W, Cin] -> [H' + q - 1, W' + q - 1, s * s * Cin]` with `q = ceil(k / s)`. Cost: one copy of the input.
+//! Shapes: input `[H, W, Cin] -> [H' + q - 1, W' + q - 1, s * s * Cin]` with `q = ceil(k / s)`.
+//! Cost: one copy of the input.
 
 use super::ConvShape;
 use crate::Size;
@@ -60,7 +63,8 @@ pub(super) fn weights(shape: &ConvShape, weights: &[f32]) -> Vec<f32> {
     folded
 }
 
-/// Folds `input` (`[H, W, Cin]`) to `[Y, X, p_y, p_x, Cin]` in `out`, which is of [`size`]; zeros beyond the edges.
+/// Folds `input` (`[H, W, Cin]`) to `[Y, X, p_y, p_x, Cin]` in `out`, which is of [`size`]; zeros
+/// beyond the edges.
 pub(super) fn input(
     shape: &ConvShape,
     threads: &Threads,
@@ -74,7 +78,8 @@ pub(super) fn input(
     let row_len = width * s * run;
     threads.split_rows(out, row_len, |first, out| {
         for (i, row) in out.chunks_exact_mut(row_len).enumerate() {
-            // Phase `p_y` of folded row `Y` is one row of the input, `s Y + p_y - pad`, or zeros outside of it.
+            // Phase `p_y` of folded row `Y` is one row of the input, `s Y + p_y - pad`, or zeros
+            // outside of it.
             for p_y in 0..s {
                 let to = &mut row[p_y * run..];
                 let from = (s * (first + i) + p_y)
@@ -90,7 +95,8 @@ pub(super) fn input(
     });
 }
 
-/// Copies runs of `N` values of `from` to every `step`-th value of `to`; zeros once `from` is used up.
+/// Copies runs of `N` values of `from` to every `step`-th value of `to`; zeros once `from` is used
+/// up.
 fn spread<const N: usize>(from: &[f32], step: usize, to: &mut [f32]) {
     let (runs, rest) = from.as_chunks::<N>();
     let mut last = [0.0; N];

@@ -1,8 +1,9 @@
 //! Convolution as one matrix product: patches `[H' W', k k Cin]` times weights `[k k Cin, Cout]`.
 //!
-//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost: the multiply-accumulates of the product, and a copy of each input for
-//! every output that reads it. Patches are gathered one strip of output rows at a time, so that they stay in the cache.
-//! It is the yardstick: short, portable, and as fast as faer's matrix product. `direct.rs` saves the copy.
+//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost: the multiply-accumulates of the product, and a
+//! copy of each input for every output that reads it. Patches are gathered one strip of output rows
+//! at a time, so that they stay in the cache. It is the yardstick: short, portable, and as fast as
+//! faer's matrix product. `direct.rs` saves the copy.
 
 use super::ConvShape;
 use crate::Size;
@@ -62,7 +63,8 @@ pub(super) fn run(
         1,
         scratch,
         |first_row, out, patches| {
-            // Gather a strip's patches, multiply them, then add the bias while the outputs are in the cache.
+            // Gather a strip's patches, multiply them, then add the bias while the outputs are in
+            // the cache.
             for (i, out) in out.chunks_mut(strip * width * channels).enumerate() {
                 let pixels = out.len() / channels;
                 let patches = &mut patches[..pixels * window];
@@ -81,7 +83,8 @@ pub(super) fn run(
     );
 }
 
-/// Copies the windows of whole output rows, from `first_row` on, into `patches` (`[pixels, k, k * Cin]`).
+/// Copies the windows of whole output rows, from `first_row` on, into `patches`
+/// (`[pixels, k, k * Cin]`).
 fn gather(
     shape: &ConvShape,
     input: &[f32],

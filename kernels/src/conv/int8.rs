@@ -1,22 +1,27 @@
-//! Direct convolution of bytes: `u8` activations with `i8` weights, summed exactly in `i32`, then scaled to `f32`.
+//! Direct convolution of bytes: `u8` activations with `i8` weights, summed exactly in `i32`, then
+//! scaled to `f32`.
 //!
 //! ```text
 //! y[o] = s[o] * (sum over the window of q_w * q_x  -  z * sum of q_w)  +  b[o]
 //! s[o] = scale of weights[o] * scale of x,  z = zero-point of x
 //! ```
 //!
-//! Shapes: `u8 [H, W, Cin] -> f32 or u8 [H', W', Cout]`. Cost: a quarter of an instruction per product where the
-//! instruction set has a dot product of bytes. Source: Jacob et al., "Quantization and training of neural networks for
-//! efficient integer-arithmetic-only inference", 2018.
+//! Shapes: `u8 [H, W, Cin] -> f32 or u8 [H', W', Cout]`. Cost: a quarter of an instruction per
+//! product where the instruction set has a dot product of bytes. Source: Jacob et al.,
+//! "Quantization and training of neural networks for efficient integer-arithmetic-only inference",
+//! 2018.
 //!
 //! The walk is that of `direct.rs` with four inputs per step. The tricks:
 //!
-//! - One step loads four weights per lane and channel vector, and broadcasts four neighboring inputs per pixel.
-//!   A row of the window (`k * Cin` bytes) is rounded up to whole steps; the weights after its end are zero.
-//! - The zero-point's term depends on the weights alone, so sums start from it instead of from 0. Padding is the
-//!   zero-point itself.
-//! - Weights are symmetric with one scale per output channel, `q_w = round(w * 127 / max |w|)`: no second zero-point.
-//! - Where the instruction set multiplies matrices (i8mm), a step has eight inputs, and pixels go in pairs.
+//! - One step loads four weights per lane and channel vector, and broadcasts four neighboring
+//!   inputs per pixel. A row of the window (`k * Cin` bytes) is rounded up to whole steps; the
+//!   weights after its end are zero.
+//! - The zero-point's term depends on the weights alone, so sums start from it instead of from 0.
+//!   Padding is the zero-point itself.
+//! - Weights are symmetric with one scale per output channel, `q_w = round(w * 127 / max |w|)`: no
+//!   second zero-point.
+//! - Where the instruction set multiplies matrices (i8mm), a step has eight inputs, and pixels go
+//!   in pairs.
 
 use super::direct::blocks;
 use super::{ConvShape, Output};
@@ -30,9 +35,10 @@ pub const SLACK: usize = 7;
 /// Weights as bytes in the order of the walk, with what turns sums into outputs.
 #[derive(Clone, Debug)]
 pub(super) struct QuantizedWeights {
-    quads: Aligned<[i8; 4]>, // [block][kernel row][steps][vectors of the block * LANES][quads of a step]
-    start: Vec<i32>,         // what sums start from: [Cout], zeros up to whole vectors
-    scale: Vec<f32>,         // of the sums: [Cout]
+    // [block][kernel row][steps][vectors of the block * LANES][quads of a step]
+    quads: Aligned<[i8; 4]>,
+    start: Vec<i32>, // what sums start from: [Cout], zeros up to whole vectors
+    scale: Vec<f32>, // of the sums: [Cout]
     pub input: Quantization,
 }
 
@@ -47,7 +53,8 @@ impl QuantizedWeights {
         let (lanes, (offset, quads_per_step)) = (isa.lanes(), isa.dot_offset_and_quads());
         let row_len = shape.kernel * shape.in_channels;
         let vectors = shape.out_channels.div_ceil(lanes);
-        // Round each output channel, and fold the zero-point and the instruction's offset into the start of its sums.
+        // Round each output channel, and fold the zero-point and the instruction's offset into the
+        // start of its sums.
         let rounded: Vec<(Vec<i8>, f32)> =
             weights.chunks_exact(shape.window()).map(round).collect();
         let sum = |row: &[i8]| row.iter().map(|w| i32::from(*w)).sum::<i32>();
@@ -56,7 +63,8 @@ impl QuantizedWeights {
             .map(|(row, _)| (offset - i32::from(input.zero_point)) * sum(row))
             .collect();
         start.resize(vectors * lanes, 0);
-        // Four weights of one output channel; zeros after the end of a window's row and after the last channel.
+        // Four weights of one output channel; zeros after the end of a window's row and after the
+        // last channel.
         let quad = |output: usize, ky: usize, group: usize| {
             let mut quad = [0; 4];
             if let Some((window, _)) = rounded.get(output) {
@@ -259,13 +267,13 @@ impl<'a> Tile<'a, '_> {
     /// ```text
     /// for each row of the window
     ///   for each step of 4 or 8 bytes
-    ///     w[v] = load of the step's weights, vector v        VECTORS loads
-    ///     x    = broadcast of group i's step                 GROUPS broadcasts
-    ///     sums[i][v] = dot(x, w[v], sums[i][v])              GROUPS * VECTORS dot products, 4 or 8 products per lane
+    ///     w[v] = load of the step's weights, vector v      VECTORS loads
+    ///     x    = broadcast of group i's step               GROUPS broadcasts
+    ///     sums[i][v] = dot(x, w[v], sums[i][v])            GROUPS * VECTORS dot products
     /// ```
     ///
-    /// Takes the sums by value. The epilogue indexes them by variables; through a reference that would keep them in
-    /// memory here as well, and NEON would store them in every step.
+    /// Takes the sums by value. The epilogue indexes them by variables; through a reference that
+    /// would keep them in memory here as well, and NEON would store them in every step.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn add<D: Dot, const GROUPS: usize, const VECTORS: usize>(
@@ -283,7 +291,8 @@ impl<'a> Tile<'a, '_> {
             let (mut first, mut second) = ([&[][..]; GROUPS], [&[][..]; GROUPS]);
             for i in 0..GROUPS {
                 first[i] = self.window::<D>(i * D::PIXELS, ky, steps);
-                // Of an odd count the last pair repeats its first pixel; the epilogue drops the copy.
+                // Of an odd count the last pair repeats its first pixel; the epilogue drops the
+                // copy.
                 let next = (i * D::PIXELS + 1).min(self.pixels - 1);
                 second[i] = if D::PIXELS == 1 {
                     first[i]

@@ -1,11 +1,12 @@
-//! Convolution, 95 % of a frame's time:
-//! `y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[sy + ky - pad, sx + kx - pad, i]`, then ReLU if asked for.
+//! Convolution, 95 % of a frame's time: `y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[sy
+//! + ky - pad, sx + kx - pad, i]`, then ReLU if asked for.
 //!
-//! Shapes: input `[H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]`, output `[H', W', Cout]` with
-//! `H' = (H + 2 pad - k) / stride + 1`. Cost: `H' W' Cout Cin k^2` multiply-accumulates.
+//! Shapes: input `[H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]`, output `[H', W', Cout]`
+//! with `H' = (H + 2 pad - k) / stride + 1`. Cost: `H' W' Cout Cin k^2` multiply-accumulates.
 //!
-//! The basic idea: in HWC one row of the kernel's window is `k * Cin` *contiguous* values. A convolution is therefore
-//! `k` matrix products whose rows overlap, and no patch has to be gathered.
+//! The basic idea: in HWC one row of the kernel's window is `k * Cin` *contiguous* values. A
+//! convolution is therefore `k` matrix products whose rows overlap, and no patch has to be
+//! gathered.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -19,10 +20,12 @@
 //! | `im2col.rs` | patches and a general matrix product: the portable yardstick |
 //! | `pooled.rs` | a convolution and the max-pool after it, band by band |
 
-/// Calls `$tile.$run` with the sizes of a register tile as constants, of which `$most[vectors]` is the most pixels.
+/// Calls `$tile.$run` with the sizes of a register tile as constants, of which `$most[vectors]` is
+/// the most pixels.
 ///
-/// The compiler unrolls a tile completely and keeps its sums in registers; a size that is a variable would put them in
-/// memory. Sizes beyond the instruction set's registers are not compiled at all.
+/// The compiler unrolls a tile completely and keeps its sums in registers; a size that is a
+/// variable would put them in memory. Sizes beyond the instruction set's registers are not compiled
+/// at all.
 macro_rules! for_tile {
     ($pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr, $most:expr) => {
         for_tile!(@table $pixels, $vectors, $tile.$run, $set, $token, $most;
@@ -30,8 +33,8 @@ macro_rules! for_tile {
             (1 2) (2 2) (3 2) (4 2) (5 2) (6 2) (7 2) (8 2) (9 2)
             (1 3) (2 3) (3 3) (4 3) (5 3) (6 3) (7 3) (8 3) (9 3))
     };
-    (@table $pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr, $most:expr;
-     $(($p:literal $v:literal))*) => {
+    (@table $pixels:expr, $vectors:expr, $tile:ident.$run:ident, $set:ident, $token:expr,
+     $most:expr; $(($p:literal $v:literal))*) => {
         match ($pixels, $vectors) {
             $(($p, $v) if const { $p <= $most[$v] } => $tile.$run::<$set, $p, $v>($token),)*
             (pixels, vectors) => unreachable!("tile of {pixels} pixels x {vectors} vectors"),

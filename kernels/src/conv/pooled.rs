@@ -1,8 +1,9 @@
 //! A convolution and the max-pool after it, band by band: `y = max_pool(conv(x))`.
 //!
-//! Shapes: `[H, W, Cin] -> [H'', W'', Cout]`, the sizes of [`Conv`] and [`pool`] one after the other. Cost: that of both,
-//! less the trip to memory: the map between them is the network's largest by far, is never held as a whole, and its bands
-//! stay in the caches. Without bands the first layers take 8 to 18 % longer.
+//! Shapes: `[H, W, Cin] -> [H'', W'', Cout]`, the sizes of [`Conv`] and [`pool`] one after the
+//! other. Cost: that of both, less the trip to memory: the map between them is the network's
+//! largest by far, is never held as a whole, and its bands stay in the caches. Without bands the
+//! first layers take 8 to 18 % longer.
 //!
 //! ```text
 //! for each band of rows of the map
@@ -19,7 +20,8 @@ use crate::par::Threads;
 use crate::{Size, pool};
 use std::ops::Range;
 
-/// Values of one thread's part of a band: what an L2 cache of 512 KiB holds. Half of it is 2 % slower.
+/// Values of one thread's part of a band: what an L2 cache of 512 KiB holds. Half of it is 2 %
+/// slower.
 ///
 /// Tests use small bands, so that small maps have several.
 const BAND_VALUES: usize = if cfg!(test) { 2 << 10 } else { 128 << 10 };
@@ -27,7 +29,8 @@ const BAND_VALUES: usize = if cfg!(test) { 2 << 10 } else { 128 << 10 };
 /// Fewest rows of a band: those of one pooling window.
 const LEAST: usize = 3;
 
-/// Most rows that are kept for the next band: the one that two windows share, and one of an incomplete window.
+/// Most rows that are kept for the next band: the one that two windows share, and one of an
+/// incomplete window.
 const KEPT: usize = 2;
 
 impl Conv {
@@ -84,11 +87,11 @@ impl Conv {
         self.band_len(size, threads) + convolved.max().unwrap_or(0)
     }
 
-    /// Convolves `input` (`[H, W, Cin]`), pools the result into `out` as [`pool::max_pool`] does, and returns the size of
-    /// `out`. The bits are the same as of one after the other.
+    /// Convolves `input` (`[H, W, Cin]`), pools the result into `out` as [`pool::max_pool`] does,
+    /// and returns the size of `out`. The bits are the same as of one after the other.
     ///
-    /// Panics as [`run_between`](Self::run_between) does, if the convolution has padding, or if `scratch` is shorter than
-    /// [`pooled_scratch_len`](Self::pooled_scratch_len).
+    /// Panics as [`run_between`](Self::run_between) does, if the convolution has padding, or if
+    /// `scratch` is shorter than [`pooled_scratch_len`](Self::pooled_scratch_len).
     pub fn run_pooled(
         &self,
         threads: &Threads,
@@ -154,7 +157,8 @@ impl Conv {
     }
 }
 
-/// Lets `convolve` write each band after the rows kept from the last one, and `pool` read both: `pool(rows, count, out)`.
+/// Lets `convolve` write each band after the rows kept from the last one, and `pool` read both:
+/// `pool(rows, count, out)`.
 fn pool_bands<T: Copy>(
     bands: impl Iterator<Item = Range<usize>>,
     [row_len, pooled_len]: [usize; 2], // values of a row of the map, and of a pooled row
@@ -168,7 +172,8 @@ fn pool_bands<T: Copy>(
     while let Some(rows) = bands.next() {
         let held = kept + rows.len();
         convolve(rows, &mut band[kept * row_len..held * row_len]);
-        // A window needs rows 2 i to 2 i + 2; at the map's end the pool decides what an incomplete one does.
+        // A window needs rows 2 i to 2 i + 2; at the map's end the pool decides what an incomplete
+        // one does.
         let last = bands.peek().is_none();
         let windows = if last {
             out.len() / pooled_len

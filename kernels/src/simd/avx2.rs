@@ -1,4 +1,4 @@
-//! Eight lanes: AVX2 with FMA.
+//! Eight lanes, sixteen registers: AVX2 with FMA, and with AVX-VNNI.
 
 use super::{Dot, DotKernel, Kernel, MOST_INT16, Simd};
 use std::arch::x86_64::*;
@@ -68,7 +68,8 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn load_partial(self, src: &[f32]) -> __m256 {
-        // SAFETY: the mask selects no lane beyond `src`, masked-off lanes are not read, `self` proves AVX2.
+        // SAFETY: the mask selects no lane beyond `src`, masked-off lanes are not read, `self`
+        // proves AVX2.
         unsafe { _mm256_maskload_ps(src.as_ptr(), mask(src.len())) }
     }
 
@@ -81,14 +82,16 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn store_partial(self, v: __m256, dst: &mut [f32]) {
-        // SAFETY: the mask selects no lane beyond `dst`, masked-off lanes are not written, `self` proves AVX2.
+        // SAFETY: the mask selects no lane beyond `dst`, masked-off lanes are not written, `self`
+        // proves AVX2.
         unsafe { _mm256_maskstore_ps(dst.as_mut_ptr(), mask(dst.len()), v) }
     }
 
     #[inline(always)]
     fn store_bytes(self, v: __m256, dst: &mut [u8]) {
         assert!(dst.len() >= 8);
-        // SAFETY: there is room for eight bytes, the store is unaligned, `self` proves AVX2. `max` makes NaN 0.
+        // SAFETY: there is room for eight bytes, the store is unaligned, `self` proves AVX2. `max`
+        // makes NaN 0.
         unsafe {
             let held = _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), _mm256_set1_ps(255.0));
             let rounded = _mm256_cvtps_epi32(held);
@@ -139,7 +142,8 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn prefetch<T>(self, src: &[T], ahead: usize) {
-        // SAFETY: a prefetch has no effect that a program could see, whatever the address; every x86-64 has it.
+        // SAFETY: a prefetch has no effect that a program could see, whatever the address; every
+        // x86-64 has it.
         unsafe { _mm_prefetch::<_MM_HINT_T1>(src.as_ptr().wrapping_add(ahead).cast()) }
     }
 
@@ -157,9 +161,10 @@ pub struct Avx2Vnni(Avx2);
 impl Avx2Vnni {
     /// The proof, if the machine has the instructions.
     pub fn detect() -> Option<Avx2Vnni> {
-        let found = match cfg!(feature = "evex") {
-            false => is_x86_feature_detected!("avxvnni"),
-            true => is_x86_feature_detected!("avx512vnni") && is_x86_feature_detected!("avx512vl"),
+        let found = if cfg!(feature = "evex") {
+            is_x86_feature_detected!("avx512vnni") && is_x86_feature_detected!("avx512vl")
+        } else {
+            is_x86_feature_detected!("avxvnni")
         };
         if found {
             Avx2::detect().map(Avx2Vnni)
@@ -168,7 +173,7 @@ impl Avx2Vnni {
         }
     }
 
-    /// The proof of the smaller set.
+    /// The token of AVX2 alone.
     #[inline]
     pub(crate) fn base(self) -> Avx2 {
         self.0
@@ -259,7 +264,8 @@ impl Dot for Avx2Vnni {
     }
 }
 
-/// Without VNNI: bytes widened to 16 bits, even and odd ones apart. `maddubs` would be one instruction, but saturates.
+/// Without VNNI bytes are widened to 16 bits, even and odd ones apart. `maddubs` is one
+/// instruction, but saturates.
 impl Dot for Avx2 {
     type Float = Avx2;
     type I32 = __m256i;
@@ -382,13 +388,13 @@ impl Avx2 {
     }
 }
 
-/// AVX-VNNI's instructions as AVX-512 VNNI encodes them, with no more than AVX2's registers.
+/// AVX-VNNI's instructions in the encoding of AVX-512 VNNI, on AVX2's registers only.
 #[cfg(feature = "evex")]
 mod evex {
     use std::arch::asm;
     use std::arch::x86_64::__m256i;
 
-    /// As `_mm256_dpbusd_avx_epi32`.
+    /// `_mm256_dpbusd_avx_epi32` in the other encoding.
     ///
     /// # Safety
     /// The machine has AVX-512 VNNI and VL.
@@ -408,7 +414,7 @@ mod evex {
         sum
     }
 
-    /// As `_mm256_dpwssd_avx_epi32`.
+    /// `_mm256_dpwssd_avx_epi32` in the other encoding.
     ///
     /// # Safety
     /// The machine has AVX-512 VNNI and VL.

@@ -1,9 +1,13 @@
-//! Sixteen lanes: AVX-512.
+//! Sixteen lanes, 32 registers: AVX-512, and with AVX-512 VNNI.
+//!
+//! A multiply-add takes one operand from memory and broadcasts it: a tile needs no register for its
+//! activations.
 
 use super::{Dot, DotKernel, Kernel, MOST_INT16, Simd};
 use std::arch::x86_64::*;
 
-/// Proof that this machine has AVX-512 F, BW, DQ and VL (every AVX-512 processor since 2017), AVX2 and FMA.
+/// Proof that this machine has AVX-512 F, BW, DQ and VL (every AVX-512 processor since 2017), AVX2
+/// and FMA.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Avx512(());
 
@@ -64,27 +68,31 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     fn load_partial(self, src: &[f32]) -> __m512 {
-        // SAFETY: the mask selects no lane beyond `src`, masked-off lanes are not read, `self` proves AVX-512 F.
+        // SAFETY: the mask selects no lane beyond `src`, masked-off lanes are not read, `self`
+        // proves AVX-512 F.
         unsafe { _mm512_maskz_loadu_ps(mask(src.len()), src.as_ptr()) }
     }
 
     #[inline(always)]
     fn store(self, v: __m512, dst: &mut [f32]) {
         assert!(dst.len() >= 16);
-        // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512 F.
+        // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512
+        // F.
         unsafe { _mm512_storeu_ps(dst.as_mut_ptr(), v) }
     }
 
     #[inline(always)]
     fn store_partial(self, v: __m512, dst: &mut [f32]) {
-        // SAFETY: the mask selects no lane beyond `dst`, masked-off lanes are not written, `self` proves AVX-512 F.
+        // SAFETY: the mask selects no lane beyond `dst`, masked-off lanes are not written, `self`
+        // proves AVX-512 F.
         unsafe { _mm512_mask_storeu_ps(dst.as_mut_ptr(), mask(dst.len()), v) }
     }
 
     #[inline(always)]
     fn store_bytes(self, v: __m512, dst: &mut [u8]) {
         assert!(dst.len() >= 16);
-        // SAFETY: there is room for sixteen bytes, the store is unaligned, `self` proves AVX-512 F. `max` makes NaN 0.
+        // SAFETY: there is room for sixteen bytes, the store is unaligned, `self` proves AVX-512 F.
+        // `max` makes NaN 0.
         unsafe {
             let rounded = _mm512_cvtps_epi32(_mm512_max_ps(v, _mm512_setzero_ps()));
             _mm_storeu_si128(dst.as_mut_ptr().cast(), _mm512_cvtusepi32_epi8(rounded));
@@ -95,7 +103,8 @@ impl Simd for Avx512 {
     fn store_int16(self, v: __m512, dst: &mut [i16]) {
         assert!(dst.len() >= 16);
         let most = f32::from(MOST_INT16);
-        // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512 F.
+        // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512
+        // F.
         unsafe {
             let held = _mm512_min_ps(
                 _mm512_max_ps(v, _mm512_set1_ps(-most)),
@@ -128,7 +137,8 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     fn prefetch<T>(self, src: &[T], ahead: usize) {
-        // SAFETY: a prefetch has no effect that a program could see, whatever the address; every x86-64 has it.
+        // SAFETY: a prefetch has no effect that a program could see, whatever the address; every
+        // x86-64 has it.
         unsafe { _mm_prefetch::<_MM_HINT_T1>(src.as_ptr().wrapping_add(ahead).cast()) }
     }
 
@@ -153,7 +163,7 @@ impl Avx512Vnni {
         }
     }
 
-    /// The proof of the smaller set.
+    /// The token of AVX-512 alone.
     #[inline]
     pub(crate) fn base(self) -> Avx512 {
         self.0
@@ -243,7 +253,8 @@ impl Dot for Avx512Vnni {
     }
 }
 
-/// Without VNNI: bytes widened to 16 bits, even and odd ones apart. `maddubs` would be one instruction, but saturates.
+/// Without VNNI bytes are widened to 16 bits, even and odd ones apart. `maddubs` is one
+/// instruction, but saturates.
 impl Dot for Avx512 {
     type Float = Avx512;
     type I32 = __m512i;
@@ -347,7 +358,8 @@ impl Avx512 {
     #[inline(always)]
     fn load_quads(self, weights: &[[i8; 4]]) -> __m512i {
         assert!(weights.len() >= 16);
-        // SAFETY: sixteen times four bytes are there, the load is unaligned, `self` proves AVX-512 F.
+        // SAFETY: sixteen times four bytes are there, the load is unaligned, `self` proves AVX-512
+        // F.
         unsafe { _mm512_loadu_si512(weights.as_ptr().cast()) }
     }
 

@@ -1,9 +1,51 @@
-//! Vectors on every instruction set, behind two small flat traits: [`Simd`] for `f32`, [`Dot`] for dot products of bytes.
+//! Vectors on every instruction set, behind two small flat traits: [`Simd`] for `f32`, [`Dot`] for
+//! integer dot products.
 //!
-//! A kernel is a struct of its arguments that implements [`Kernel`] (or [`DotKernel`]); its body is written once, generic over the
-//! trait. [`Isa::run`](crate::Isa::run) enters an instruction set once per call of a kernel; everything below is inlined into that one
-//! function, or one for each of its stages ([`Simd::call`]), so that the compiler may use the whole instruction set for it. The only intrinsics, and the only `unsafe`, of
-//! the repository are in this folder.
+//! A kernel is a struct of its arguments that implements [`Kernel`] (or [`DotKernel`]). Its body is
+//! written once, generic over the trait, and compiled once per instruction set:
+//!
+//! ```
+//! use kernels::Isa;
+//! use kernels::simd::{Kernel, Simd};
+//!
+//! /// `y += a x`, element by element.
+//! struct Axpy<'a> {
+//!     a: f32,
+//!     x: &'a [f32],
+//!     y: &'a mut [f32],
+//! }
+//!
+//! impl Kernel for Axpy<'_> {
+//!     type Output = ();
+//!
+//!     #[inline(always)]
+//!     fn run<S: Simd>(self, simd: S) {
+//!         let a = simd.splat(self.a);
+//!         for (x, y) in self.x.chunks(S::LANES).zip(self.y.chunks_mut(S::LANES)) {
+//!             let sum = simd.mul_add(a, simd.load_partial(x), simd.load_partial(y));
+//!             simd.store_partial(sum, y);
+//!         }
+//!     }
+//! }
+//!
+//! let (x, mut y) = ([1.0; 21], [0.5; 21]);
+//! Isa::detect().run(Axpy { a: 2.0, x: &x, y: &mut y });
+//! assert_eq!(y, [2.5; 21]);
+//! ```
+//!
+//! **Dispatch.** [`Isa::run`](crate::Isa::run) is a `match` over the instruction sets that
+//! detection has found. Each arm calls one function compiled with `#[target_feature]`, once per
+//! call of a kernel: a layer or a part of one, never a row.
+//!
+//! **Inlining.** An intrinsic is one instruction only if it is inlined into such a function.
+//! Therefore everything below the entry is `#[inline(always)]`: the body, what it calls in hot
+//! loops, and every method of the traits. Whatever is not inlined falls back to the compiler's
+//! baseline, which is correct but slow. Large kernels enter once more for each of their stages
+//! ([`Simd::call`]), so that the compiler optimizes one hot loop at a time.
+//!
+//! **Safety.** A token such as `Avx2` exists only if detection has found the instructions, so that
+//! methods on it are safe. The only intrinsics and the only `unsafe` of the repository's Rust, but
+//! for the C interface, are in this folder.
 
 #![allow(unsafe_code)]
 
@@ -26,8 +68,9 @@ pub use neon::{NeonDot, NeonMatrix};
 pub(crate) use portable::Line;
 pub use portable::Portable;
 
-/// Largest magnitude that [`Simd::store_int16`] writes: a bit less than 16 bits hold, which leaves one more to the other factor before sums of
-/// products overflow.
+/// Largest magnitude that [`Simd::store_int16`] writes: 14 bits.
+///
+/// The spare bit goes to the other factor of a product, before sums of products overflow.
 pub const MOST_INT16: i16 = (1 << 14) - 1;
 
 /// A computation whose body is compiled once per instruction set.
@@ -35,11 +78,12 @@ pub trait Kernel {
     /// What it returns.
     type Output;
 
-    /// The body. Implementations say `#[inline(always)]`, as does all they call in their hot loops.
+    /// The body. Implementations are `#[inline(always)]`, and so is everything that their hot loops
+    /// call.
     fn run<S: Simd>(self, simd: S) -> Self::Output;
 }
 
-/// Operations on one vector of `f32`. `self` is the proof that the instructions exist.
+/// Operations on a vector of `f32`. `self` is the proof that the instructions exist.
 pub trait Simd: Copy + Send + Sync + 'static {
     /// One vector.
     type F32: Copy;
@@ -47,15 +91,22 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Lanes of one vector.
     const LANES: usize;
 
-    /// How many pixels a register tile takes that is 1, 2 or 3 vectors of output channels wide, so that
-    /// accumulators, weights and one broadcast value just fit the register file (`[0]` is unused).
+    /// Most pixels of a register tile that is 1, 2 or 3 vectors of output channels wide (`[0]` is
+    /// unused).
+    ///
+    /// Accumulators, weights and one broadcast value then just fit the registers. One pixel more
+    /// would spill accumulators to memory, which halves the speed.
     const TILE_PIXELS: [usize; 4];
 
-    /// A register tile whose weights may be made in registers, too: vectors of output channels, and most pixels. Of one vector it uses
-    /// each weight as often as can be, but needs a load for every product, which few instruction sets have for nothing.
+    /// The register tile of weights that are made in registers: vectors of output channels, and
+    /// most pixels.
+    ///
+    /// One vector uses each weight most often, but needs one load per product, which only AVX-512
+    /// folds into the multiply-add.
     const LONG_TILE: (usize, usize);
 
-    /// Runs `kernel` in a function of its own, which the compiler optimizes by itself: for the stages of a larger kernel.
+    /// Runs a stage of a larger kernel in a function of its own, which the compiler optimizes
+    /// separately.
     fn call<K: Kernel>(self, kernel: K) -> K::Output;
 
     /// All lanes `x`.
@@ -64,7 +115,7 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// The first `LANES` values of `src`. Panics if it is shorter.
     fn load(self, src: &[f32]) -> Self::F32;
 
-    /// The first `min(src.len(), LANES)` values of `src`, and zeros behind them.
+    /// The first `min(src.len(), LANES)` values of `src`; the other lanes are 0.
     fn load_partial(self, src: &[f32]) -> Self::F32;
 
     /// Writes the first `LANES` values of `dst`. Panics if it is shorter.
@@ -73,7 +124,7 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Writes the first `min(dst.len(), LANES)` values of `dst`.
     fn store_partial(self, v: Self::F32, dst: &mut [f32]);
 
-    /// As [`store`](Self::store) where there is room for a whole vector, else as [`store_partial`](Self::store_partial).
+    /// Writes as many lanes as `dst` has room for; a whole vector is the fast case.
     #[inline(always)]
     fn write(self, v: Self::F32, dst: &mut [f32]) {
         if dst.len() >= Self::LANES {
@@ -83,12 +134,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
         }
     }
 
-    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in 0..=255; NaN
-    /// becomes 0. Panics if it is shorter.
+    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and
+    /// clamped to 0..=255. NaN becomes 0. Panics if `dst` is shorter.
     fn store_bytes(self, v: Self::F32, dst: &mut [u8]);
 
-    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and held in `-MOST_INT16..=MOST_INT16`.
-    /// Panics if it is shorter.
+    /// Writes all lanes to the first `LANES` values of `dst`, rounded to nearest (ties to even) and
+    /// clamped to `-MOST_INT16..=MOST_INT16`. Panics if `dst` is shorter.
     fn store_int16(self, v: Self::F32, dst: &mut [i16]);
 
     /// `a + b`.
@@ -97,14 +148,14 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// `a - b`.
     fn sub(self, a: Self::F32, b: Self::F32) -> Self::F32;
 
-    /// `a * b + c`; in one rounding where the instruction set has it.
+    /// `a * b + c`, rounded once where the instruction set has FMA.
     fn mul_add(self, a: Self::F32, b: Self::F32, c: Self::F32) -> Self::F32;
 
-    /// The larger of each pair; `b` where `a` is NaN.
+    /// The larger value of each pair; `b` where `a` is NaN.
     fn max(self, a: Self::F32, b: Self::F32) -> Self::F32;
 
-    /// Asks for the cache line of the value that is `ahead` values behind the first of `src`, to have it in the second cache soon. Nothing
-    /// comes of it where there is no such instruction, or no such value.
+    /// Prefetches the cache line that is `ahead` values after the start of `src` into the L2 cache.
+    /// A no-op without the instruction or past the end of `src`.
     #[inline(always)]
     fn prefetch<T>(self, _src: &[T], _ahead: usize) {}
 
@@ -115,73 +166,76 @@ pub trait Simd: Copy + Send + Sync + 'static {
     }
 }
 
-/// A computation on bytes whose body is compiled once per instruction set.
+/// A computation with integer dot products whose body is compiled once per instruction set.
 pub trait DotKernel {
     /// What it returns.
     type Output;
 
-    /// The body. Implementations say `#[inline(always)]`, as does all they call in their hot loops.
+    /// The body. Implementations are `#[inline(always)]`, and so is everything that their hot loops
+    /// call.
     fn run<D: Dot>(self, dot: D) -> Self::Output;
 }
 
-/// Dot products of integers, summed in `i32`: of `u8` activations with `i8` weights, four at a time, and of `i16` with `i16`, two at a time.
-/// `self` is the proof that the instructions exist.
+/// Integer dot products, summed in `i32`: of `u8` activations with `i8` weights, four at a time,
+/// and of `i16` pairs. `self` is the proof that the instructions exist.
 ///
 /// Integers have one right answer: every instruction set gives the same sums.
 pub trait Dot: Copy + Send + Sync + 'static {
     /// The same instruction set on `f32`, with as many lanes.
     type Float: Simd;
 
-    /// One vector of sums.
+    /// A vector of sums.
     type I32: Copy;
 
-    /// Sums of [`PIXELS`](Self::PIXELS) pixels, a vector of each.
+    /// A vector of sums for each of [`PIXELS`](Self::PIXELS) pixels.
     type Sums: Copy;
 
-    /// What one product takes of one pixel: so many activations.
+    /// The activations that one dot product takes of one pixel.
     type Step: Pod;
 
-    /// Steps of all the pixels that one product takes.
+    /// The activations that one dot product takes of all its pixels.
     type Bytes: Copy;
 
-    /// As many weights per lane.
+    /// The weights that one dot product takes, as many per lane.
     type Weights: Copy;
 
-    /// Two `i16` per lane.
+    /// A pair of `i16` per lane.
     type Pairs: Copy;
 
-    /// How many pixels one product of bytes takes: two where the instruction set multiplies matrices.
+    /// Pixels of one dot product of bytes: two where the instruction set multiplies matrices.
     const PIXELS: usize = 1;
 
-    /// Four activations, or weights of each lane, times how many make a [`Step`](Self::Step).
+    /// Fours of activations in a [`Step`](Self::Step), and of weights per lane.
     const QUADS: usize = size_of::<Self::Step>() / 4;
 
-    /// As [`Simd::TILE_PIXELS`], in groups of [`PIXELS`](Self::PIXELS).
+    /// [`Simd::TILE_PIXELS`] for dot products of bytes, in groups of [`PIXELS`](Self::PIXELS).
     const TILE_GROUPS: [usize; 4];
 
-    /// What [`activations`](Self::activations) takes off each of them, so that it fits a signed byte; whoever sums adds it back,
-    /// times the weights.
+    /// What [`activations`](Self::activations) subtracts from each, so that it fits a signed byte.
+    /// Sums start from this, times the weights, to make up for it.
     const OFFSET: i32 = 0;
 
-    /// The proof for the `f32` side.
+    /// The token for `f32`.
     fn float(self) -> Self::Float;
 
-    /// Activations of two pixels; where a product takes one, of the first of them.
+    /// The activations of two pixels; of the first only, if [`PIXELS`](Self::PIXELS) is 1.
     fn activations(self, pixels: [Self::Step; 2]) -> Self::Bytes;
 
-    /// The weights of the first `LANES` lanes, [`QUADS`](Self::QUADS) times four of each. Panics if there are fewer.
+    /// The weights of `LANES` lanes, [`QUADS`](Self::QUADS) fours each. Panics if `weights` is
+    /// shorter.
     fn load(self, weights: &[[i8; 4]]) -> Self::Weights;
 
-    /// The first `LANES` sums, the same for each pixel. Panics if there are fewer.
+    /// The first `LANES` sums of `from`, for each pixel. Panics if it is shorter.
     fn sums(self, from: &[i32]) -> Self::Sums;
 
-    /// All sums 0, of one pixel.
+    /// Sums of 0 for one pixel.
     #[inline(always)]
     fn zero(self) -> Self::I32 {
         self.of_pixel(self.sums(&[0; 64]), 0)
     }
 
-    /// `sum + x[0] w[0] + x[1] w[1] + ...`, in every lane, for every pixel, each `x` less [`OFFSET`](Self::OFFSET).
+    /// `sums + x[0] w[0] + x[1] w[1] + ...` in every lane for every pixel, with
+    /// [`OFFSET`](Self::OFFSET) subtracted from each `x`.
     fn dot(self, x: Self::Bytes, w: Self::Weights, sums: Self::Sums) -> Self::Sums;
 
     /// The sums of one of the [`PIXELS`](Self::PIXELS) pixels.
@@ -190,23 +244,23 @@ pub trait Dot: Copy + Send + Sync + 'static {
     /// The same pair in every lane.
     fn splat_pair(self, x: [i16; 2]) -> Self::Pairs;
 
-    /// The pairs of the first `LANES` lanes. Panics if there are fewer.
+    /// The first `LANES` pairs. Panics if `pairs` is shorter.
     fn load_pairs(self, pairs: &[[i16; 2]]) -> Self::Pairs;
 
-    /// `sum + x[0] w[0] + x[1] w[1]`, in every lane.
+    /// `sum + x[0] w[0] + x[1] w[1]` in every lane.
     fn dot_pairs(self, x: Self::Pairs, w: Self::Pairs, sum: Self::I32) -> Self::I32;
 
-    /// Every sum rounded to `f32`.
+    /// The sums, rounded to `f32`.
     fn to_f32(self, sum: Self::I32) -> <Self::Float as Simd>::F32;
 
-    /// As [`Simd::call`].
+    /// [`Simd::call`] for a kernel of dot products.
     fn call<K: DotKernel>(self, kernel: K) -> K::Output;
 }
 
-/// Clears the upper halves of the vector registers, where there are such.
+/// Clears the upper halves of the vector registers; a no-op without AVX.
 ///
-/// Code from outside may leave them in use; SSE instructions then merge with them at every step and run several times
-/// slower. Our own kernels never do.
+/// Call it after code of other crates that uses AVX. If they leave the upper halves in use, every
+/// SSE instruction after them merges with what is there, and runs several times slower.
 pub fn clear_upper_halves() {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx") {
@@ -224,7 +278,7 @@ mod tests {
     use super::*;
     use crate::Isa;
 
-    /// Every operation against its scalar meaning, at every partial length.
+    /// Compares every operation with its scalar meaning, at every partial length.
     struct Check;
 
     impl Kernel for Check {
@@ -295,7 +349,7 @@ mod tests {
         }
     }
 
-    /// Dot products against plain sums, extremes included.
+    /// Compares dot products with plain sums, extremes included.
     struct CheckDot;
 
     impl DotKernel for CheckDot {
@@ -369,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn operations_on_every_isa() {
+    fn operations_on_every_isa_equal_their_scalar_meaning() {
         for isa in Isa::available() {
             isa.run(Check);
             isa.run_dot(CheckDot);

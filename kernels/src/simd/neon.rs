@@ -1,6 +1,10 @@
-//! Products of bytes on aarch64: `sdot` (ARMv8.2 dotprod: Cortex-A76, Raspberry Pi 5, RK3588, Orin and later), and `usmmla` (ARMv8.6
-//! i8mm: Cortex-A510, A710, X2 and later), which multiplies matrices and makes twice as many products per instruction. `f32` there is
-//! [`Portable`], which is NEON.
+//! Dot products of bytes on aarch64: `sdot` and `usmmla`. `f32` is [`Portable`] there, which is
+//! NEON.
+//!
+//! - `sdot` (ARMv8.2 dotprod: Cortex-A76, Raspberry Pi 5, RK3588, Orin and later) multiplies four
+//!   pairs per lane.
+//! - `usmmla` (ARMv8.6 i8mm: Cortex-A510, A710, X2 and later) multiplies matrices: eight pairs per
+//!   lane.
 
 use super::{Dot, DotKernel, Portable};
 use std::arch::aarch64::*;
@@ -24,7 +28,8 @@ impl NeonDot {
         fn inner<K: DotKernel>(dot: NeonDot, kernel: K) -> K::Output {
             kernel.run(dot)
         }
-        // SAFETY: a `NeonDot` exists only where `detect` has found dotprod; NEON is part of aarch64.
+        // SAFETY: a `NeonDot` exists only where `detect` has found dotprod; NEON is part of
+        // aarch64.
         unsafe { inner(self, kernel) }
     }
 }
@@ -47,12 +52,13 @@ impl NeonMatrix {
         fn inner<K: DotKernel>(dot: NeonMatrix, kernel: K) -> K::Output {
             kernel.run(dot)
         }
-        // SAFETY: a `NeonMatrix` exists only where `detect` has found i8mm; NEON is part of aarch64.
+        // SAFETY: a `NeonMatrix` exists only where `detect` has found i8mm; NEON is part of
+        // aarch64.
         unsafe { inner(self, kernel) }
     }
 }
 
-/// `sdot` multiplies signed bytes by signed ones, so activations are taken 128 lower.
+/// `sdot` multiplies signed bytes, so that 128 is subtracted from each activation.
 impl Dot for NeonDot {
     type Float = Portable;
     type I32 = int32x4_t;
@@ -137,8 +143,9 @@ impl Dot for NeonDot {
     }
 }
 
-/// `usmmla` multiplies a matrix of two pixels by eight activations with one of eight by two channels: four sums, so a vector of channels for
-/// two pixels takes two registers, the first two channels of both pixels and the others.
+/// `usmmla` multiplies a matrix of 2 pixels x 8 activations with one of 8 x 2 channels, and gives
+/// four sums. A vector of four channels for two pixels takes two registers: the first two channels
+/// of both pixels, and the last two.
 impl Dot for NeonMatrix {
     type Float = Portable;
     type I32 = int32x4_t;
@@ -169,7 +176,8 @@ impl Dot for NeonMatrix {
     #[inline(always)]
     fn load(self, weights: &[[i8; 4]]) -> [int8x16_t; 2] {
         assert!(weights.len() >= 8);
-        // SAFETY: eight times four bytes are there, the loads are unaligned, NEON is part of aarch64.
+        // SAFETY: eight times four bytes are there, the loads are unaligned, NEON is part of
+        // aarch64.
         unsafe {
             [
                 vld1q_s8(weights.as_ptr().cast()),
@@ -252,14 +260,14 @@ impl Dot for NeonMatrix {
     }
 }
 
-/// As [`Dot::splat_pair`].
+/// [`Dot::splat_pair`] of both tokens.
 #[inline(always)]
 fn splat_pair(x: [i16; 2]) -> int16x8_t {
     // SAFETY: NEON is part of aarch64.
     unsafe { vreinterpretq_s16_s32(vdupq_n_s32(bytemuck::cast(x))) }
 }
 
-/// As [`Dot::load_pairs`].
+/// [`Dot::load_pairs`] of both tokens.
 #[inline(always)]
 fn load_pairs(pairs: &[[i16; 2]]) -> int16x8_t {
     assert!(pairs.len() >= 4);
@@ -267,7 +275,7 @@ fn load_pairs(pairs: &[[i16; 2]]) -> int16x8_t {
     unsafe { vld1q_s16(pairs.as_ptr().cast()) }
 }
 
-/// As [`Dot::dot_pairs`].
+/// [`Dot::dot_pairs`] of both tokens.
 #[inline(always)]
 fn dot_pairs(x: int16x8_t, w: int16x8_t, sum: int32x4_t) -> int32x4_t {
     // SAFETY: NEON is part of aarch64.
@@ -277,7 +285,7 @@ fn dot_pairs(x: int16x8_t, w: int16x8_t, sum: int32x4_t) -> int32x4_t {
     }
 }
 
-/// As [`Dot::to_f32`].
+/// [`Dot::to_f32`] of both tokens.
 #[inline(always)]
 fn to_f32(sum: int32x4_t) -> wide::f32x4 {
     let mut lanes = [0; 4];

@@ -3,17 +3,18 @@
 use super::{Dot, DotKernel, Kernel, MOST_INT16, Simd};
 use wide::{f32x4, i16x8, i32x4, u16x8};
 
-/// Sixteen values in one cache line of 64 bytes: a `Vec` of them begins with one, and reads as `f32` through bytemuck.
+/// A cache line of 64 bytes: a `Vec` of them is aligned to lines, and bytemuck reads it as any type
+/// of values.
 pub(crate) type Line = wide::f32x16;
 
-/// The instruction set of the compiler's target.
+/// The baseline of the compiler's target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Portable;
 
 impl Simd for Portable {
     type F32 = f32x4;
     const LANES: usize = 4;
-    // 32 registers, or 16.
+    // aarch64 has 32 registers, SSE2 16.
     const TILE_PIXELS: [usize; 4] = if cfg!(target_arch = "aarch64") {
         [0, 9, 9, 8]
     } else {
@@ -97,7 +98,7 @@ impl Simd for Portable {
     }
 }
 
-/// Bytes widened to 16 bits, even and odd ones apart.
+/// Bytes are widened to 16 bits, even and odd ones apart.
 impl Dot for Portable {
     type Float = Portable;
     type I32 = i32x4;

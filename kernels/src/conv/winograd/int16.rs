@@ -1,18 +1,19 @@
 //! Winograd's algorithm on 16-bit integers, for maps whose value range is known.
 //!
-//! Where the instruction set has it, a dot product of `i16` pairs takes half the time of two `f32` products, and half the
-//! memory. The factors are `V` and `U`, not inputs and weights, so each point has its own scale, and `U` has one per output
-//! channel as well:
+//! Where the instruction set has it, a dot product of `i16` pairs takes half the time of two `f32`
+//! products, and half the memory. The factors are `V` and `U`, not inputs and weights, so each
+//! point has its own scale, and `U` has one per output channel as well:
 //!
 //! ```text
-//! V' = round(V * 16383 / bound)       bound: the largest |V| that inputs in the range can give
-//! U' = round(U / s)                   s: the smallest scale at which no sum of V' U' overflows 32 bits
+//! V' = round(V * 16383 / bound)    bound: the largest |V| that inputs in the range can give
+//! U' = round(U / s)                s: the smallest scale at which no sum of V' U' overflows 32 bits
 //! M  = (sum over i of U' V') * s * bound / 16383
 //! ```
 //!
-//! Shapes and walk are those of `stored.rs` (`strips.rs`), with two input channels per step. Cost: half of it.
-//! Error, for normally distributed weights and rectified inputs of 128 channels: 0.3 % of the outputs' RMS with 6 points
-//! and 0.6 % with 8. Bytes have 1.4 to 1.8 %, and 10 points would have 4 %. Tests hold it below 0.4 and 1 %.
+//! Shapes and walk are those of `stored.rs` (`strips.rs`), with two input channels per step. Cost:
+//! half of it. Error, for normally distributed weights and rectified inputs of 128 channels: 0.3 %
+//! of the outputs' RMS with 6 points and 0.6 % with 8. Bytes have 1.4 to 1.8 %, and 10 points would
+//! have 4 %. Tests hold it below 0.4 and 1 %.
 
 use super::super::ConvShape;
 use super::super::direct::blocks;
@@ -86,7 +87,8 @@ fn pairs(shape: &ConvShape) -> usize {
 
 /// The largest magnitude of `V` at each point, for inputs in `[low, high]`.
 fn bounds(points: usize, [low, high]: [f32; 2]) -> Vec<f32> {
-    // V = B^T d B: each coefficient is a product of two entries of B^T, positive if their signs agree.
+    // V = B^T d B: each coefficient is a product of two entries of B^T, positive if their signs
+    // agree.
     let matrix = input_matrix(points);
     let sums = |row: &[f32]| {
         let sum = |sign: f32| row.iter().map(|b| (sign * b).max(0.0)).sum::<f32>();
@@ -104,7 +106,8 @@ fn bounds(points: usize, [low, high]: [f32; 2]) -> Vec<f32> {
         .collect()
 }
 
-/// Rounds `values` (`[Cin, lanes]`) to `pairs` (`[pairs of Cin, lanes]`), and sets each lane's `scale`.
+/// Rounds `values` (`[Cin, lanes]`) to `pairs` (`[pairs of Cin, lanes]`), and sets each lane's
+/// `scale`.
 fn round(values: &[f32], lanes: usize, pairs: &mut [Pair], scale: &mut [f32]) {
     let channels = values.len() / lanes;
     let (mut sums, mut most) = (vec![0.0f32; lanes], vec![0.0f32; lanes]);
@@ -208,7 +211,8 @@ impl<D: Dot> TileTask for (ThreadPart<'_, Int16Kernels>, D) {
     }
 }
 
-/// `M = V U` for one row of points, one block, and the tiles of a strip: per point `[tiles, Cin] x [Cin, lanes]`.
+/// `M = V U` for one row of points, one block, and the tiles of a strip: per point
+/// `[tiles, Cin] x [Cin, lanes]`.
 struct Products<'a> {
     points: usize, // of the row
     strip: &'a Strip<'a>,
@@ -312,7 +316,7 @@ impl Groups<'_> {
 /// for each pair j of input channels
 ///   w[k] = load of u[j][k]                           VECTORS loads
 ///   x    = broadcast of v[i][j]                      TILES broadcasts
-///   sums[i][k] = dot_pairs(x, w[k], sums[i][k])      TILES * VECTORS dot products, 2 products per lane
+///   sums[i][k] = dot_pairs(x, w[k], sums[i][k])      TILES * VECTORS dot products
 /// ```
 ///
 /// If `AHEAD`, prefetches what follows `u`: the next point's.

@@ -1,17 +1,19 @@
-//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1 and what `fold.rs` makes of others.
+//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1 and what
+//! `fold.rs` makes of others.
 //!
-//! The basic idea is polynomial multiplication. An `m x m` tile of outputs depends on an `a x a` tile of inputs,
-//! `a = m + k - 1`. Inputs and kernel are polynomials; evaluated at `a` points (0, pairs such as 1 and -1, infinity),
-//! their product costs one multiplication per point:
+//! The basic idea is polynomial multiplication. An `m x m` tile of outputs depends on an `a x a`
+//! tile of inputs, `a = m + k - 1`. Inputs and kernel are polynomials; evaluated at `a` points (0,
+//! pairs such as 1 and -1, infinity), their product costs one multiplication per point:
 //!
 //! ```text
-//! V = B^T d B              input tile d, per input channel            additions
-//! U = G g G^T              kernel g, per pair of channels             once, or per strip of tiles
-//! M = sum over i of U V    a x a matrix products [tiles, Cin] x [Cin, Cout]   all the multiplications
-//! Y = A^T M A              output tile, per output channel            additions
+//! V = B^T d B            input tile d, per input channel        additions
+//! U = G g G^T            kernel g, per pair of channels         once, or per strip of tiles
+//! M = sum over i of U V  a x a products [tiles, Cin] x [Cin, Cout]  all the multiplications
+//! Y = A^T M A            output tile, per output channel        additions
 //! ```
 //!
-//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost in multiplications per output and pair of channels:
+//! Shapes: `[H, W, Cin] -> [H', W', Cout]`. Cost in multiplications per output and pair of
+//! channels:
 //!
 //! | `k` | direct | 6 points | 8 points | 10 points |
 //! |---|---|---|---|---|
@@ -19,11 +21,13 @@
 //! | 5 | 25 | | 4 (integers only) | 2.78 |
 //! | 6 | 36 | | | 4 |
 //!
-//! Sizes that no plan picks are left out: in `f32`, 10 points are fastest for 5x5 and 6x6 kernels at any number of channels.
-//! More points round more (1e-6 of the outputs' RMS for 8 points, 1e-5 for 10) and waste more at the border.
+//! Sizes that no plan picks are left out: in `f32`, 10 points are fastest for 5x5 and 6x6 kernels
+//! at any number of channels. More points round more (1e-6 of the outputs' RMS for 8 points, 1e-5
+//! for 10) and waste more at the border.
 //!
-//! Sources: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016. The choice of points: Barabasz et
-//! al., "Error analysis and improving the accuracy of Winograd convolution for deep neural networks", 2020.
+//! Sources: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016. The choice
+//! of points: Barabasz et al., "Error analysis and improving the accuracy of Winograd convolution
+//! for deep neural networks", 2020.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -34,8 +38,8 @@
 //! | `on_the_fly.rs` | products with a `U` made where it is used: 3x3 kernels |
 //! | `int16.rs` | products of 16-bit integers, `U` stored at half the size |
 //!
-//! Whether to store `U` is a question of bandwidth. A 3x3 kernel's `U` has 4 to 7 times as many values as the kernel,
-//! and small maps have too few tiles to make up for reading them.
+//! Whether to store `U` is a question of bandwidth. A 3x3 kernel's `U` has 4 to 7 times as many
+//! values as the kernel, and small maps have too few tiles to make up for reading them.
 
 mod int16;
 mod on_the_fly;
@@ -53,12 +57,14 @@ pub use points::{MAX_KERNEL, kernel_row, pairs, share};
 pub(super) use stored::is_short;
 pub use transforms::{AsIs, Lines, PointFormat, Steps, lines_len};
 
-/// Something to do that is compiled once per size of tiles: `A` points and `M` outputs along one side.
+/// Something to do that is compiled once per size of tiles: `A` points and `M` outputs along one
+/// side.
 trait TileTask {
     fn run<const A: usize, const M: usize>(self);
 }
 
-/// Defines lists of sizes, and for each a function that runs a [`TileTask`] with one of them as constants.
+/// Defines lists of sizes, and for each a function that runs a [`TileTask`] with one of them as
+/// constants.
 macro_rules! sizes {
     ($($list:ident, $run:ident: $(($points:literal, $kernel:literal))*;)*) => {$(
         const $list: &[(usize, usize)] = &[$(($points, $kernel)),*];
@@ -73,7 +79,8 @@ macro_rules! sizes {
     )*};
 }
 
-// Every size that there is code for, (points, side of the kernel), by the form of the kernels. `fits` asks these lists.
+// Every size that there is code for, (points, side of the kernel), by the form of the kernels.
+// `fits` asks these lists.
 sizes! {
     ON_THE_FLY, run_on_the_fly: (6, 3) (8, 3);
     STORED, run_stored: (10, 5) (10, 6);
@@ -133,7 +140,8 @@ impl WinogradKernels {
         }
     }
 
-    /// Lays out `weights` (`[Cout, k, k, Cin]`) for products of 16-bit integers with inputs in the range of `input`.
+    /// Lays out `weights` (`[Cout, k, k, Cin]`) for products of 16-bit integers with inputs in the
+    /// range of `input`.
     pub(super) fn int16(
         isa: Isa,
         shape: &ConvShape,
@@ -199,7 +207,8 @@ pub(super) struct Winograd<'a> {
 }
 
 impl Winograd<'_> {
-    /// Convolves into `out` (`[H', W', Cout]`); `scratch` has [`WinogradKernels::scratch_len`] values.
+    /// Convolves into `out` (`[H', W', Cout]`); `scratch` has [`WinogradKernels::scratch_len`]
+    /// values.
     pub(super) fn run(&self, threads: &Threads, out: &mut [f32], scratch: &mut [f32]) {
         let tiling = self
             .kernels
@@ -236,7 +245,8 @@ pub(super) fn rows_per_tile(shape: &ConvShape, points: usize) -> usize {
     points + 1 - shape.kernel
 }
 
-/// Lays out `[Cout, k, k, Cin]` as `[block][Cin][vectors of the block][k * k][LANES]`, zeros after the last channel.
+/// Lays out `[Cout, k, k, Cin]` as `[block][Cin][vectors of the block][k * k][LANES]`, zeros after
+/// the last channel.
 fn pack(
     isa: Isa,
     shape: &ConvShape,

@@ -1,9 +1,10 @@
 //! Winograd's algorithm for 3x3 kernels, with a `U` that is made where it is used.
 //!
-//! `U` has 4 to 7 times as many values as the kernels, and a small map uses each of them only a few times: reading them
-//! from memory would take longer than multiplying with them. So only kernels are read, one block of output channels at a
-//! time. For two rows of points, `q` and `-q`, they become lines (`G g`, three values per kernel), which stay in the L2
-//! cache. From the lines `U` follows at one point after the other, with two operations per value:
+//! `U` has 4 to 7 times as many values as the kernels, and a small map uses each of them only a few
+//! times: reading them from memory would take longer than multiplying with them. So only kernels
+//! are read, one block of output channels at a time. For two rows of points, `q` and `-q`, they
+//! become lines (`G g`, three values per kernel), which stay in the L2 cache. From the lines `U`
+//! follows at one point after the other, with two operations per value:
 //!
 //! ```text
 //! for each strip of tiles
@@ -20,14 +21,15 @@
 //!
 //! The tricks:
 //!
-//! - If one register tile takes all tiles of a strip, `U` is made in registers and never stored. Otherwise it goes to the
-//!   L1 cache, and is read once per group.
-//! - The register tile is long: one or two vectors of channels x as many tiles as there are registers, so that each value
-//!   of `U` is used as often as possible.
-//! - While one row is multiplied, the kernels of the next block are prefetched, a cache line per input channel.
+//! - If one register tile takes all tiles of a strip, `U` is made in registers and never stored.
+//!   Otherwise it goes to the L1 cache, and is read once per group.
+//! - The register tile is long: one or two vectors of channels x as many tiles as there are
+//!   registers, so that each value of `U` is used as often as possible.
+//! - While one row is multiplied, the kernels of the next block are prefetched, a cache line per
+//!   input channel.
 //!
-//! Every thread transforms all kernels for its own rows. Sharing `V` instead, with each thread reading from another's
-//! cache, was slower.
+//! Every thread transforms all kernels for its own rows. Sharing `V` instead, with each thread
+//! reading from another's cache, was slower.
 
 use super::super::ConvShape;
 use super::points::point;
@@ -76,11 +78,12 @@ impl PackedKernels {
 
 /// How `V` and `M A` of a strip lie in the scratch space.
 struct GroupPlan {
-    group: usize,     // tiles in a group; the last one has those left over
-    v_step: usize,    // from one point's V, [vector of Cin][tiles of the group][LANES], to the next
-    v_len: usize,     // of one group
-    half_step: usize, // from one row of points of M A, [tiles][vectors of the block][M][LANES], to the next
-    half_len: usize,  // of one block
+    group: usize,  // tiles in a group; the last one has those left over
+    v_step: usize, // from one point's V, [vector of Cin][tiles of the group][LANES], to the next
+    v_len: usize,  // of one group
+    // From one row of points of M A, [tiles][vectors of the block][M][LANES], to the next.
+    half_step: usize,
+    half_len: usize, // of one block
 }
 
 impl GroupPlan {
@@ -104,8 +107,9 @@ fn strip_rows(across: usize) -> usize {
     (STRIP_TILES / across).max(1)
 }
 
-/// Scratch values of strips of at most `tiles` tiles: of `B^T d` of a row of tiles, `G g` of two rows of points and one
-/// block, `U` of one point and block, `M` of one row and block, all of `M A`, and `V`.
+/// Scratch values of strips of at most `tiles` tiles: of `B^T d` of a row of tiles, `G g` of two
+/// rows of points and one block, `U` of one point and block, `M` of one row and block, all of
+/// `M A`, and `V`.
 fn lens(
     kernels: &PackedKernels,
     shape: &ConvShape,
@@ -124,7 +128,8 @@ fn lens(
     let u_len = shape.in_channels * block;
     let half_len = points * step(tiles * m * block) * shape.out_channels.div_ceil(block);
     let groups = tiles.div_ceil(group);
-    // An upper bound: even groups have less than one tile of padding each, and steps less than two cache lines.
+    // An upper bound: even groups have less than one tile of padding each, and steps less than two
+    // cache lines.
     let v_step = (tiles + groups) * shape.in_channels.next_multiple_of(lanes) + groups * 2 * LINE;
     [
         lines_len,
@@ -422,7 +427,8 @@ impl Source for FromTaps {
     }
 }
 
-/// A row of `M` for one block: per point and group of tiles `[tiles, Cin] x [Cin, vectors * LANES]`.
+/// A row of `M` for one block: per point and group of tiles
+/// `[tiles, Cin] x [Cin, vectors * LANES]`.
 struct Row<'a, const A: usize> {
     plan: &'a GroupPlan,
     tiles: usize,     // of the strip

@@ -1,20 +1,22 @@
-//! The points at which polynomials are multiplied, and the matrices `B^T`, `G` and `A^T` that follow from them.
+//! The points at which polynomials are multiplied, and the matrices `B^T`, `G` and `A^T` that
+//! follow from them.
 //!
-//! `a` points: 0, then pairs `q, -q`, then infinity. Pairs halve the work: even and odd powers are summed once, and their
-//! sum and difference are the values at `q` and `-q`. Sources as in `winograd/mod.rs`.
+//! `a` points: 0, then pairs `q, -q`, then infinity. Pairs halve the work: even and odd powers are
+//! summed once, and their sum and difference are the values at `q` and `-q`. Sources as in
+//! `winograd/mod.rs`.
 //!
 //! ```text
-//! G[i][j]   = q_i^j                                         the kernel's value at point i
+//! G[i][j]   = q_i^j             the kernel's value at point i
 //! B^T[i]    = coefficients of the product of x - q over all other finite points q
-//! A^T[j][i] = share_i * q_i^j                               share_i = 1 / product of q_i's distances to them
+//! A^T[j][i] = share_i * q_i^j   share_i = 1 / product of q_i's distances to them
 //! ```
 
 use crate::simd::{Portable, Simd};
 
 /// The positive points of the pairs: two for 6 points, three for 8, four for 10.
 ///
-/// They are fractions whose denominators are powers of two, so that the matrices are exact in `f32`. The four have the
-/// smallest error of all such.
+/// They are fractions whose denominators are powers of two, so that the matrices are exact in
+/// `f32`. The four have the smallest error of all such.
 pub const fn pairs(points: usize) -> [f32; MAX_PAIRS] {
     match points {
         10 => [0.5, 0.875, 1.25, 2.5],
@@ -44,7 +46,8 @@ const fn shared_powers(points: usize) -> [[f32; MAX_KERNEL]; MAX_PAIRS] {
     powers
 }
 
-/// Coefficients, by rising powers of `z`, of the product of `z - q^2` over all pairs `q, -q` but pair number `skip`.
+/// Coefficients, by rising powers of `z`, of the product of `z - q^2` over all pairs `q, -q` but
+/// pair number `skip`.
 const fn product(points: usize, skip: usize) -> [f32; MAX_PAIRS + 1] {
     let mut coefficients = [0.0; MAX_PAIRS + 1];
     coefficients[0] = 1.0;
@@ -64,7 +67,8 @@ const fn product(points: usize, skip: usize) -> [f32; MAX_PAIRS + 1] {
     coefficients
 }
 
-/// Row `i` of `G`: the kernel's value at point `i`, by powers of the point; at infinity its last tap.
+/// Row `i` of `G`: the kernel's value at point `i`, by powers of the point; at infinity its last
+/// tap.
 pub fn kernel_row(points: usize, kernel: usize, i: usize) -> [f32; MAX_KERNEL] {
     let mut row = [0.0; MAX_KERNEL];
     if i == points - 1 {
@@ -87,7 +91,8 @@ pub(super) fn point(points: usize, i: usize) -> f32 {
     }
 }
 
-/// The factor of the product at point `i` in the outputs: 1 / the product of its distances to the other finite points.
+/// The factor of the product at point `i` in the outputs: 1 / the product of its distances to the
+/// other finite points.
 pub const fn share(points: usize, i: usize) -> f32 {
     if i == points - 1 {
         return 1.0;
@@ -113,7 +118,8 @@ pub(super) fn input_points<S: Simd, const A: usize>(simd: S, d: &[S::F32; A]) ->
     let count = const { (A - 2) / 2 };
     let all = const { product(A, MAX_PAIRS) };
     let others = const { [product(A, 0), product(A, 1), product(A, 2), product(A, 3)] };
-    // Every row of B^T has only even or only odd powers, but for the factor x of its own pair's sum.
+    // Every row of B^T has only even or only odd powers, but for the factor x of its own pair's
+    // sum.
     let mut t = [simd.zero(); A];
     t[0] = every_other::<S, A>(simd, &all, count + 1, d, 0);
     t[A - 1] = every_other::<S, A>(simd, &all, count + 1, d, 1);

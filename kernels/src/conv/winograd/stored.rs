@@ -1,26 +1,28 @@
 //! Winograd's algorithm with a stored `U`: 5x5 kernels, and the first layer's 6x6.
 //!
-//! A thread takes its tiles one strip at a time, and does all steps of a strip in its own scratch space. Its part of `V`
-//! stays in the L2 cache while all output channels pass over it (`strips.rs`):
+//! A thread takes its tiles one strip at a time, and does all steps of a strip in its own scratch
+//! space. Its part of `V` stays in the L2 cache while all output channels pass over it
+//! (`strips.rs`):
 //!
 //! ```text
 //! for each strip of tiles
 //!   V of all its tiles
 //!   for each row of points
 //!     for each block of 1..=3 channel vectors
-//!       for each point of the row                        `Products`
-//!         for each group of tiles: M = V U               <- the hot loop, `Groups`: the direct path's `add_products`
-//!       M A of the row                                   `HalfOutputs`
+//!       for each point of the row              `Products`
+//!         for each group of tiles: M = V U     <- the hot loop, `add_products` of the direct path
+//!       M A of the row                         `HalfOutputs`
 //!   Y = A^T (M A), bias, ReLU
 //! ```
 //!
 //! The tricks:
 //!
-//! - Half of the output transform follows each row of points at once: a block's row of `M` never leaves the L1 cache.
-//! - `U` lies in the order in which it is read. While one point's `U` is multiplied, the next point's is prefetched, so
-//!   that memory is never waited for.
-//! - With few input channels all points of a row are multiplied in registers, and `M` is not written at all
-//!   (`ShortProducts`).
+//! - Half of the output transform follows each row of points at once: a block's row of `M` never
+//!   leaves the L1 cache.
+//! - `U` lies in the order in which it is read. While one point's `U` is multiplied, the next
+//!   point's is prefetched, so that memory is never waited for.
+//! - With few input channels all points of a row are multiplied in registers, and `M` is not
+//!   written at all (`ShortProducts`).
 
 use super::super::ConvShape;
 use super::super::direct::{add_products, blocks};
@@ -59,8 +61,8 @@ impl StoredKernels {
     }
 }
 
-/// Input channels of a short product: an image's three, folded by a stride of two. A constant number leaves the hot loop
-/// nothing to do but products.
+/// Input channels of a short product: an image's three, folded by a stride of two. A constant
+/// number leaves the hot loop nothing to do but products.
 const SHORT_CHANNELS: usize = 12;
 
 /// Points of a row of a short product.
@@ -80,7 +82,8 @@ fn widths(short: bool, vectors: usize) -> impl Iterator<Item = usize> + Clone {
     std::iter::repeat_n(1, ones).chain(blocks(vectors - ones))
 }
 
-/// `U = G g G^T` of kernels `[Cout, k, k, Cin]`, laid out as [`StoredKernels`] with blocks of such `widths`.
+/// `U = G g G^T` of kernels `[Cout, k, k, Cin]`, laid out as [`StoredKernels`] with blocks of such
+/// `widths`.
 pub(super) fn transform_kernels(
     isa: Isa,
     shape: &ConvShape,
@@ -138,8 +141,8 @@ impl<W: Iterator<Item = usize> + Clone> Kernel for TransformKernels<'_, W> {
     }
 }
 
-/// Row `i` of the points of `U = G g G^T` for one vector of kernels (`taps`: `[k * k][LANES]`), to every `u_step`-th
-/// value of `u`.
+/// Row `i` of the points of `U = G g G^T` for one vector of kernels (`taps`: `[k * k][LANES]`), to
+/// every `u_step`-th value of `u`.
 ///
 /// This runs once per layer, when a model is loaded: sizes are variables here, and code is small.
 #[inline(always)]
@@ -159,7 +162,8 @@ fn kernel_points<S: Simd>(
             *sum = simd.mul_add(simd.splat(*value), tap, *sum);
         }
     }
-    // (G g) G^T: at 0 the first value, at infinity the last one, and between them each point with both signs.
+    // (G g) G^T: at 0 the first value, at infinity the last one, and between them each point with
+    // both signs.
     let last = g.len() - 1;
     simd.store(line[0], u);
     for j in (1..last).step_by(2) {
@@ -217,7 +221,8 @@ impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
                 } = kernels.layout;
                 let u = &kernels.u[(row * channels + first) * A * inputs..]
                     [..A * inputs * vectors * S::LANES];
-                // The condition on constants keeps the short products of instruction sets without the registers uncompiled.
+                // The condition on constants keeps the short products of instruction sets without
+                // the registers uncompiled.
                 if const { SHORT_TILES * A <= S::LONG_TILE.1 } && kernels.short {
                     simd.call(ShortProducts::<A, M> { strip, v, u, half });
                 } else {
@@ -236,7 +241,8 @@ impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
     }
 }
 
-/// `M = V U` for one row of points, one block, and the tiles of a strip: per point `[tiles, Cin] x [Cin, lanes]`.
+/// `M = V U` for one row of points, one block, and the tiles of a strip: per point
+/// `[tiles, Cin] x [Cin, lanes]`.
 struct Products<'a> {
     points: usize, // of the row
     strip: &'a Strip<'a>,
@@ -296,7 +302,8 @@ struct Groups<'a> {
 }
 
 impl Groups<'_> {
-    /// The hot loop, `add_products`, once per group: a register tile of `TILES` tiles x `VECTORS` channel vectors.
+    /// The hot loop, `add_products`, once per group: a register tile of `TILES` tiles x `VECTORS`
+    /// channel vectors.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize, const VECTORS: usize>(self, simd: S) {
@@ -325,9 +332,11 @@ impl Groups<'_> {
     }
 }
 
-/// `M A` for one row of points, one vector of output channels, and the tiles of a strip, with few input channels.
+/// `M A` for one row of points, one vector of output channels, and the tiles of a strip, with few
+/// input channels.
 ///
-/// All points of the row are multiplied at once, so that half of the output transform happens in registers.
+/// All points of the row are multiplied at once, so that half of the output transform happens in
+/// registers.
 struct ShortProducts<'a, const A: usize, const M: usize> {
     strip: &'a Strip<'a>,
     v: &'a [f32],        // of the row's first point and the first group

@@ -1,7 +1,9 @@
-//! The walk over a map by strips of tiles, where `U` is stored in `f32` or `i16`, and the scratch space of a strip.
+//! The walk over a map by strips of tiles, where `U` is stored in `f32` or `i16`, and the scratch
+//! space of a strip.
 //!
-//! A strip is as many tiles as fit the L2 cache together with a part of `U`. Longer strips would push `V` out of the cache
-//! before all output channels have passed over it; shorter ones would read `U` more often.
+//! A strip is as many tiles as fit the L2 cache together with a part of `U`. Longer strips would
+//! push `V` out of the cache before all output channels have passed over it; shorter ones would
+//! read `U` more often.
 
 use super::super::ConvShape;
 use super::transforms::{
@@ -17,13 +19,14 @@ use std::ops::Range;
 /// Most values of `V` and `M A` in a strip, unless [`STRIP_SHARE`] allows more.
 const STRIP_VALUES: usize = 256 << 10;
 
-/// Most values of `V` and `M A` in a strip, as a fraction of those of `U`: reading `U` again must be worth it.
+/// Most values of `V` and `M A` in a strip, as a fraction of those of `U`: reading `U` again must
+/// be worth it.
 const STRIP_SHARE: usize = 8;
 
 /// How a map is cut into strips, and the scratch space for one.
 ///
-/// `V` lies group by group (as many tiles as a register tile takes), and in a group point by point. The input transform
-/// touches all points of a tile, and so stays within few pages of memory.
+/// `V` lies group by group (as many tiles as a register tile takes), and in a group point by point.
+/// The input transform touches all points of a tile, and so stays within few pages of memory.
 pub(super) struct StripPlan {
     pub across: usize,    // tiles in a row
     pub strip: usize,     // most tiles in a strip
@@ -122,7 +125,8 @@ pub(super) struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    /// The groups as two runs, the larger groups first: how many groups, and of how many tiles each.
+    /// The groups as two runs, the larger groups first: how many groups, and of how many tiles
+    /// each.
     #[inline(always)]
     pub fn runs(&self) -> [(usize, usize); 2] {
         let groups = self.tiles.len().div_ceil(self.plan.group);
@@ -153,7 +157,8 @@ pub(super) struct StripWalk<'a, W, T> {
     pub to: T,     // the format of V
 }
 
-/// What is multiplied in one step: a row of points, a block of output channels, and the tiles of a strip.
+/// What is multiplied in one step: a row of points, a block of output channels, and the tiles of a
+/// strip.
 pub(super) struct Block<'a> {
     pub strip: &'a Strip<'a>,
     pub row: usize,
@@ -227,7 +232,8 @@ impl<W: Iterator<Item = usize> + Clone, T: PointFormat<Value: Pod>> StripWalk<'_
                 },
                 to,
             });
-            // M A, a row of points at a time. Blocks are the inner loop: the row's V stays in the cache.
+            // M A, a row of points at a time. Blocks are the inner loop: the row's V stays in the
+            // cache.
             for (row, half) in half.chunks_exact_mut(plan.half_step).take(A).enumerate() {
                 let mut first = 0;
                 for vectors in widths.clone() {

@@ -1,13 +1,16 @@
-//! The transforms of Winograd's algorithm: input tiles to points, `V = B^T d B`, and products to outputs, `Y = A^T M A`.
+//! The transforms of Winograd's algorithm: input tiles to points, `V = B^T d B`, and products to
+//! outputs, `Y = A^T M A`.
 //!
-//! Shapes: `[a, a] -> [a, a]` per tile and input channel; `[a, a] -> [m, m]` per tile and output channel. Cost: about `2 a`
-//! multiply-adds per line of `a` values in each direction; see `Algorithm::plan` for their share.
+//! Shapes: `[a, a] -> [a, a]` per tile and input channel; `[a, a] -> [m, m]` per tile and output
+//! channel. Cost: about `2 a` multiply-adds per line of `a` values in each direction; see
+//! `Algorithm::plan` for their share.
 //!
 //! Both are done one direction after the other, on a vector of channels at a time:
 //!
-//! - Columns first: neighboring tiles overlap in `k - 1` columns, and share `B^T d` of a whole row of tiles ([`Lines`]).
-//! - `M A` follows each row of points at once ([`HalfOutputs`]), `A^T (M A)` follows when all rows are multiplied
-//!   ([`OutputTiles`]), and adds bias and ReLU on the way.
+//! - Columns first: neighboring tiles overlap in `k - 1` columns, and share `B^T d` of a whole row
+//!   of tiles ([`Lines`]).
+//! - `M A` follows each row of points at once ([`HalfOutputs`]), `A^T (M A)` follows when all rows
+//!   are multiplied ([`OutputTiles`]), and adds bias and ReLU on the way.
 
 use super::points::{input_points, output_values};
 use super::step;
@@ -116,7 +119,8 @@ pub struct Steps {
 
 /// `B^T d` of a row of tiles, which share the columns where they overlap.
 pub struct Lines<'a> {
-    /// `[A][columns, channels]`, with room for one vector after each of the `A` lines: [`lines_len`] values.
+    /// `[A][columns, channels]`, with room for one vector after each of the `A` lines:
+    /// [`lines_len`] values.
     pub values: &'a mut [f32],
     /// Columns of all tiles together.
     pub columns: usize,
@@ -130,7 +134,8 @@ pub fn lines_len(points: usize, columns: usize, channels: usize) -> usize {
 }
 
 impl Lines<'_> {
-    /// Transforms the columns of `input` (`[size.h, size.w, channels]`) from `(y, x)` on; values outside the map are 0.
+    /// Transforms the columns of `input` (`[size.h, size.w, channels]`) from `(y, x)` on; values
+    /// outside the map are 0.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the line in registers
     pub fn fill<S: Simd, const A: usize>(
@@ -146,7 +151,8 @@ impl Lines<'_> {
         let (rows, len) = (A.min(size.h - y), columns.min(size.w - x) * channels);
         let (from_step, to_step) = (size.w * channels, step(columns * channels));
         let input = &input[y * from_step + x * channels..];
-        // Columns and channels are one run of values here: whole vectors, whatever the number of channels.
+        // Columns and channels are one run of values here: whole vectors, whatever the number of
+        // channels.
         for at in starts(len, S::LANES) {
             let mut d = [simd.zero(); A];
             for i in 0..rows {
@@ -166,10 +172,11 @@ impl Lines<'_> {
         }
     }
 
-    /// `V = B^T d B` of the tile that begins in `column`; `v` begins with its first channel at point 0.
+    /// `V = B^T d B` of the tile that begins in `column`; `v` begins with its first channel at
+    /// point 0.
     ///
-    /// Writes whole vectors. What they hold after the last channel is meaningless: the next tile overwrites it, and after
-    /// the last tile there must be room for it.
+    /// Writes whole vectors. What they hold after the last channel is meaningless: the next tile
+    /// overwrites it, and after the last tile there must be room for it.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the line in registers
     pub fn tile<S: Simd, T: PointFormat, const A: usize>(
@@ -205,14 +212,16 @@ impl Lines<'_> {
     }
 }
 
-/// Starts of the vectors that cover `len` values; the last one overlaps its neighbor rather than exceed `len`.
+/// Starts of the vectors that cover `len` values; the last one overlaps its neighbor rather than
+/// exceed `len`.
 #[inline(always)]
 fn starts(len: usize, lanes: usize) -> impl Iterator<Item = usize> {
     let last = len.saturating_sub(lanes);
     (0..len).step_by(lanes).map(move |at| at.min(last))
 }
 
-/// One row of `M A` of some tiles: half of the output transform, as soon as a row of points is multiplied.
+/// One row of `M A` of some tiles: half of the output transform, as soon as a row of points is
+/// multiplied.
 pub(super) struct HalfOutputs<'a, const A: usize, const M: usize> {
     pub m: &'a [f32],        // [tiles * vectors][A][LANES]: a row of M
     pub half: &'a mut [f32], // [tiles * vectors][M][LANES]: the same row of M A
@@ -237,7 +246,8 @@ impl<const A: usize, const M: usize> Kernel for HalfOutputs<'_, A, M> {
     }
 }
 
-/// `Y = A^T (M A)`, bias and ReLU, of some tiles and one block: the outputs that lie within the map.
+/// `Y = A^T (M A)`, bias and ReLU, of some tiles and one block: the outputs that lie within the
+/// map.
 pub(super) struct OutputTiles<'a, 'b, const A: usize, const M: usize> {
     pub tiles: Tiles,
     pub map: &'a mut OutputPart<'b>, // [rows, width, channels]
@@ -271,7 +281,8 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
         for (i, tile) in tiles.range.clone().enumerate() {
             let (band, column) = tiles.place(tile);
             let (rows, columns) = (M.min(height - band * M), M.min(width - column * M));
-            // Three copies: the usual case has one slice to write to, and a constant number of rows.
+            // Three copies: the usual case has one slice to write to, and a constant number of
+            // rows.
             match map.tile(band, column) {
                 TileRows::Whole(values, row_len) if rows == M => {
                     block.tile::<S, A, M>(simd, i, (M, columns), |y, at, value| {
@@ -294,7 +305,8 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
 }
 
 impl OutputBlock<'_> {
-    /// Computes a tile's outputs and hands those in `rows` and `columns` to `write`: the row, the place in it, a vector.
+    /// Computes a tile's outputs and hands those in `rows` and `columns` to `write`: the row, the
+    /// place in it, a vector.
     #[inline(always)]
     fn tile<S: Simd, const A: usize, const M: usize>(
         &self,
