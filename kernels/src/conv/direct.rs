@@ -216,7 +216,7 @@ impl Tile<'_> {
 /// ```text
 /// for j in 0..len
 ///   w[v] = load of weights[j][v]           VECTORS loads
-///   x    = broadcast of pixels[i][j]       PIXELS broadcasts; AVX-512 has them within the multiply-add
+///   x    = broadcast of pixels[i][j]       PIXELS broadcasts, part of AVX-512's multiply-add
 ///   sums[i][v] += x * w[v]                 PIXELS * VECTORS multiply-adds
 /// ```
 ///

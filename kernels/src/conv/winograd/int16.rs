@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! V' = round(V * 16383 / bound)    bound: the largest |V| that inputs in the range can give
-//! U' = round(U / s)                s: the smallest scale at which no sum of V' U' overflows 32 bits
+//! U' = round(U / s)                s: the smallest scale that lets no sum of V' U' overflow
 //! M  = (sum over i of U' V') * s * bound / 16383
 //! ```
 //!
