@@ -2,7 +2,7 @@
 //! without padding.
 //!
 //! Ceil mode: a last window that exceeds the map takes the pixels that exist (`docs/method.md`,
-//! "The network").
+//! section 1.1).
 //!
 //! Shapes: `[H, W, C] -> [H', W', C]`. Cost: nine loads per output; bound by memory.
 

@@ -1,5 +1,5 @@
 //! Crop and resize: `out[j, i] = bilinear(image, x0 + step i, y0 + step j)`, rounded to the nearest
-//! byte. Taps outside of the image are a constant border (`docs/method.md`, "The crop").
+//! byte. Taps outside of the image are a constant border (`docs/method.md`, section 2.2).
 //!
 //! Shapes: `u8 [h, w, 1..=4]` with a stride `-> u8 [D, D, 3]`. Cost: per output row one pass that
 //! blends two source rows into one, and `3 D` samples of two taps from it. A column's source

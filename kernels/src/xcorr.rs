@@ -3,7 +3,7 @@
 //!
 //! Shapes: search features `[H, W, C]`, template features `[h, w, C]` -> response
 //! `[H-h+1, W-w+1, C]`. Cost: one multiply-accumulate per template pixel and response value; 0.1 %
-//! of the network's. Source: SiamRPN++ (Li et al., 2019); `docs/method.md`, "The network".
+//! of the network's. Source: SiamRPN++ (Li et al., 2019); `docs/method.md`, section 1.3.
 //!
 //! The trick is reuse: 8 neighboring pixels and 4 columns of the template share 11 loads of search
 //! features.

@@ -15,6 +15,9 @@
 //!   Y = A^T (M A), bias, ReLU
 //! ```
 //!
+//! Shapes: those of `mod.rs`, for `k = 5` and `k = 6`. Cost: its products, and one read of `U` per
+//! strip.
+//!
 //! The tricks:
 //!
 //! - Half of the output transform follows each row of points at once: a block's row of `M` never
