@@ -82,6 +82,7 @@ def load(path):
 
 
 def compare(old_path, new_path):
+    """Prints what differs and returns 1, or 0 if nothing does."""
     old, new = load(old_path), load(new_path)
     bodies = collections.defaultdict(list)
     for name, body in old.items():
@@ -94,16 +95,24 @@ def compare(old_path, new_path):
         else:
             rest[name] = body
     gone = {name: old[name] for names in bodies.values() for name in names}
-    print(f"{len(old)} kernels before, {len(new)} after, {len(new) - len(rest)} the same to the instruction")
-    for name, body in sorted(rest.items(), key=lambda item: -len(item[1])):
+    print(f"{len(old)} kernels before, {len(new)} after, {len(new) - len(rest)} the same")
+    for name, body in by_size(rest):
         print(f"\nnew  {len(body):6} instructions  {name}")
-        if near := sorted(gone, key=lambda n: (-shared(n, name), abs(len(gone[n]) - len(body))))[:1]:
-            ratio = difflib.SequenceMatcher(None, gone[near[0]], body, autojunk=False).ratio() if len(body) < 4000 else 0.0
-            print(f"like {len(gone[near[0]]):6} instructions  {near[0]}  ({100 * ratio:.1f} % the same)")
-            del gone[near[0]]
-    for name, body in sorted(gone.items(), key=lambda item: -len(item[1])):
+        if not gone:
+            continue
+        near = max(gone, key=lambda n: (shared(n, name), -abs(len(gone[n]) - len(body))))
+        before = gone.pop(near)
+        print(f"like {len(before):6} instructions  {near}")
+        if len(body) < 4000:
+            ratio = difflib.SequenceMatcher(None, before, body, autojunk=False).ratio()
+            print(f"     {100 * ratio:6.1f} % the same")
+    for name, body in by_size(gone):
         print(f"\ngone {len(body):6} instructions  {name}")
     return 1 if rest or gone else 0
+
+
+def by_size(functions):
+    return sorted(functions.items(), key=lambda item: -len(item[1]))
 
 
 def shared(a, b):

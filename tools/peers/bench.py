@@ -1,7 +1,9 @@
-"""Times engines in turn and writes the tables of docs/results.md: `bench.py TRACK_CPU FOLDER DOCUMENT [ROUNDS]`.
+"""Times engines in turn and writes the table of docs/results.md.
 
-Every engine is a process of its own that is stopped unless it is its turn; turns go round, so that whatever slows the machine slows all of
-them. Medians over all passes.
+    bench.py TRACK_CPU FOLDER DOCUMENT [ROUNDS]
+
+Every engine is a process of its own, stopped unless it is its turn. Turns go round, so that
+whatever slows the machine slows all engines. Times are medians over all passes.
 """
 
 import os
@@ -30,14 +32,19 @@ class Engine:
         command = [sys.executable, str(here / "worker.py"), name, widths, str(threads), str(folder)]
         if name == "track-cpu":
             channels = ",".join(map(str, network.WIDTHS[widths]))
-            options = f"bench --worker --widths {channels} --threads {threads} --precision {precision}"
-            command = [track_cpu, *shlex.split(options)]
+            command = [track_cpu, "bench", "--worker", "--widths", channels]
+            command += ["--threads", str(threads), "--precision", precision]
         pin = ["taskset", "-c", ",".join(map(str, range(os.cpu_count())[-threads:]))]
         environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
         self.process = subprocess.Popen(
-            pin + command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment,
+            pin + command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env=environment,
             start_new_session=True,
-        )  # fmt: skip
+        )
         self.version, self.times = None, []
         while not (line := self.process.stdout.readline()).startswith("READY"):
             if not line:
@@ -77,7 +84,8 @@ def table(widths, threads, versions):
 
 
 def machine():
-    model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), platform.machine())
+    lines = [line for line in open("/proc/cpuinfo") if line.startswith("model name")]
+    model = lines[0].split(":")[1].strip() if lines else platform.machine()
     return f"{model}, {os.cpu_count()} cores, Linux {platform.release().split('-')[0]}"
 
 
@@ -88,16 +96,19 @@ for widths in network.WIDTHS:
     for threads in counts:
         columns[widths, threads] = table(widths, threads, versions)
 versions.discard("")
-program = subprocess.run([track_cpu, "--version"], capture_output=True, text=True, check=True).stdout.strip()
+program = subprocess.check_output([track_cpu, "--version"], text=True).strip()
 lines = [f"{machine()}; {time.strftime('%Y-%m-%d')}; {program}, {', '.join(sorted(versions))}.", ""]
-lines += ["| | | " + " | ".join(f"{w}, {n} thread{'s' * (n > 1)}" for w, n in columns) + " |", "|---|---|" + "---|" * len(columns)]
+titles = [f"{widths}, {n} thread{'s' * (n > 1)}" for widths, n in columns]
+lines += ["| | | " + " | ".join(titles) + " |", "|---|---|" + "---|" * len(columns)]
 for precision, names in ENGINES.items():
-    best = {c: min(ms for (p, n), ms in found.items() if p == precision and n != "track-cpu") for c, found in columns.items()}
+    others = [(precision, name) for name in names if name != "track-cpu"]
+    best = {column: min(found[key] for key in others) for column, found in columns.items()}
     for name, title in names.items():
         cells = []
         for column, found in columns.items():
             ms = found[precision, name]
-            cells.append(f"**{ms:.2f}** ({ms / best[column]:.2f}x)" if title is None else f"{ms:.2f}")
+            ours = f"**{ms:.2f}** ({ms / best[column]:.2f}x)"
+            cells.append(ours if title is None else f"{ms:.2f}")
         lines.append(f"| {precision} | {title or '**track-cpu**'} | " + " | ".join(cells) + " |")
 text = document.read_text()
 before, rest = text.split("<!-- table -->\n", 1)

@@ -1,7 +1,7 @@
-"""The search pass of the network, unpruned or not, as ONNX, with random weights: what other engines are timed on.
+"""The network's search pass as ONNX with random weights, at several widths, for other engines.
 
-The graph is SiamFC++-AlexNet for one crop of 303 x 303 with template features built in as the kernels of the two depthwise
-correlations: what runs once per frame. Speed depends on shapes alone.
+The graph is what runs once per frame: SiamFC++-AlexNet for one crop of 303 x 303, with the template
+features as constant kernels of the two depthwise correlations. Speed depends on shapes alone.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ def crop(seed):
 
 
 class Builder:
-    """Collects nodes; every method returns the name of what it made and keeps the side of its map."""
+    """Collects nodes. Every method returns its output's name and shape."""
 
     def __init__(self):
         self.nodes, self.constants, self.macs = [], [], 0
@@ -38,8 +38,10 @@ class Builder:
 
     def conv(self, name, source, shape, stride=1, relu=True):
         (channels, side), out, kernel = shape
-        weights = self.random.normal(0, np.sqrt((2 if relu else 1) / (channels * kernel**2)), (out, channels, kernel, kernel))
-        inputs = [source, self.constant(f"{name}.w", weights), self.constant(f"{name}.b", self.random.normal(0, 0.05, out))]
+        deviation = np.sqrt((2 if relu else 1) / (channels * kernel**2))
+        weights = self.random.normal(0, deviation, (out, channels, kernel, kernel))
+        bias = self.random.normal(0, 0.05, out)
+        inputs = [source, self.constant(f"{name}.w", weights), self.constant(f"{name}.b", bias)]
         made = self.node("Conv", inputs, name, kernel_shape=[kernel] * 2, strides=[stride] * 2)
         side = (side - kernel) // stride + 1
         self.macs += side**2 * out * channels * kernel**2
@@ -47,7 +49,8 @@ class Builder:
 
     def correlation(self, name, source, shape, kernel=4):
         channels, side = shape
-        weights = self.constant(f"{name}.w", self.random.normal(0, 0.25, (channels, 1, kernel, kernel)))
+        template = self.random.normal(0, 0.25, (channels, 1, kernel, kernel))
+        weights = self.constant(f"{name}.w", template)
         made = self.node("Conv", [source, weights], name, kernel_shape=[kernel] * 2, group=channels)
         side -= kernel - 1
         self.macs += side**2 * channels * kernel**2
@@ -56,10 +59,12 @@ class Builder:
     def pool(self, name, source, shape):
         channels, side = shape
         ceil = (side - 3) % 2
-        return self.node("MaxPool", [source], name, kernel_shape=[3, 3], strides=[2, 2], ceil_mode=ceil), (
-            channels,
-            (side - 3 + ceil) // 2 + 1,
-        )
+        sizes = {"kernel_shape": [3, 3], "strides": [2, 2], "ceil_mode": ceil}
+        return self.node("MaxPool", [source], name, **sizes), (channels, (side - 3 + ceil) // 2 + 1)
+
+
+def tensor(name, shape):
+    return helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
 
 
 def search_pass(widths):
@@ -89,8 +94,8 @@ def search_pass(widths):
     graph = helper.make_graph(
         build.nodes,
         "search",
-        [helper.make_tensor_value_info("x", TensorProto.FLOAT, [1, 3, SIDE, SIDE])],
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, n, side, side]) for name, n in zip(outputs, (1, 4))],
+        [tensor("x", [1, 3, SIDE, SIDE])],
+        [tensor(name, [1, n, side, side]) for name, n in zip(outputs, (1, 4))],
         build.constants,
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)

@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# One search pass of our network beside other inference engines, timed in turn; the table of docs/results.md:
+# Times one search pass of our network beside other inference engines, for docs/results.md:
 #
 #   tools/peers/run.sh [ROUNDS]
 #
 # TRACK_CPU    the program; built by cargo if not set
-# PEERS_VENV   a Python environment with the engines, made if it is not there (2 GB)
+# PEERS_VENV   a Python environment with the engines (2 GB), made unless it exists
 # PEERS_WORK   where their models go, by default target/peers-models
-# DOCUMENT     the file whose part between `<!-- table -->` and `<!-- /table -->` is re-written, by default docs/results.md
+# DOCUMENT     the file whose part between `<!-- table -->` and `<!-- /table -->` is rewritten, by
+#              default docs/results.md
 #
-# Close everything else first: two noisy minutes are enough to make a wrong table.
+# Close everything else first: two noisy minutes make a wrong table.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -23,4 +24,5 @@ if [ -z "${TRACK_CPU:-}" ]; then
     TRACK_CPU=${CARGO_TARGET_DIR:-$root/target}/release/track-cpu
 fi
 mkdir -p "$work"
-"$venv/bin/python" "$here/bench.py" "$(realpath "$TRACK_CPU")" "$work" "${DOCUMENT:-$root/docs/results.md}" "${1:-5}"
+document=${DOCUMENT:-$root/docs/results.md}
+"$venv/bin/python" "$here/bench.py" "$(realpath "$TRACK_CPU")" "$work" "$document" "${1:-5}"

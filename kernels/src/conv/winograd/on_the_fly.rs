@@ -28,8 +28,8 @@
 //! - While one row is multiplied, the kernels of the next block are prefetched, a cache line per
 //!   input channel.
 //!
-//! Shapes: those of `mod.rs`, for `k = 3`. Cost: its products, and two operations per value of `U` and
-//! strip.
+//! Shapes: those of `mod.rs`, for `k = 3`. Cost: its products, and two operations per value of `U`
+//! and strip.
 //!
 //! Every thread transforms all kernels for its own rows. Sharing `V` instead, with each thread
 //! reading from another's cache, was slower.
