@@ -4,9 +4,9 @@
     kernels/disassembly.py dump FILE            builds the crate and writes its kernels' instructions
     kernels/disassembly.py compare OLD NEW      lists the functions that differ, largest first
 
-A kernel is every function that `Isa::run`, `Isa::run_dot`, `Simd::call` or `Dot::call` enters: all hot loops are inlined into one.
-Functions are matched by their instructions, not by name, so that a renamed kernel is the same kernel.
-Addresses, crate hashes and the symbols of data and cold paths are left out.
+A kernel is every function that `Isa::run`, `Isa::run_dot`, `Simd::call` or `Dot::call` enters: all
+hot loops are inlined into one. Functions are matched by their instructions, not by name, so that a
+renamed kernel is the same kernel. Addresses, hashes and symbols of data and calls are left out.
 """
 
 import collections
