@@ -1,5 +1,8 @@
-//! Convolution, 95 % of a frame's time: `y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[sy
-//! + ky - pad, sx + kx - pad, i]`, then ReLU if asked for.
+//! Convolution, 95 % of a frame's time, with ReLU if asked for:
+//!
+//! ```text
+//! y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[s y + ky - pad, s x + kx - pad, i]
+//! ```
 //!
 //! Shapes: input `[H, W, Cin]`, weights `[Cout, k, k, Cin]`, bias `[Cout]`, output `[H', W', Cout]`
 //! with `H' = (H + 2 pad - k) / stride + 1`. Cost: `H' W' Cout Cin k^2` multiply-accumulates.
