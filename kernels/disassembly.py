@@ -37,7 +37,7 @@ def build():
 
 def normal(instruction):
     """One instruction without addresses: jumps keep their distance from the function's start."""
-    text = instruction.split("#")[0].split("//")[0].strip()
+    text = re.sub(r"\s+(#|//) [0-9a-f]+ <.*$", "", instruction)
     text = re.sub(r"[0-9a-f]+ <.*\+(0x[0-9a-f]+)>$", r"+\1", text)
     text = re.sub(r"[0-9a-f]+ <.*>$", "+0x0", text)
     return re.sub(r"\s+", " ", text)
