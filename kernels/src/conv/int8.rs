@@ -209,7 +209,7 @@ struct Tile<'a, 'b> {
     weights: &'a [[i8; 4]], // [rows * steps, VECTORS * LANES * QUADS]
     start: &'a [i32],       // [VECTORS * LANES]
     scale: &'a [f32],       // [channels of the block that exist]
-    bias: &'a [f32],        // likewise
+    bias: &'a [f32],        // [channels of the block that exist]
     relu: bool,
     out: &'a mut Output<'b>,
     at: usize,       // of the first pixel's first channel in `out`

@@ -62,7 +62,7 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn load(self, src: &[f32]) -> __m256 {
         assert!(src.len() >= 8);
-        // SAFETY: eight values are there, the load is unaligned, `self` proves AVX2.
+        // SAFETY: the slice has eight values, the load is unaligned, `self` proves AVX2.
         unsafe { _mm256_loadu_ps(src.as_ptr()) }
     }
 
@@ -76,7 +76,7 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn store(self, v: __m256, dst: &mut [f32]) {
         assert!(dst.len() >= 8);
-        // SAFETY: there is room for eight values, the store is unaligned, `self` proves AVX2.
+        // SAFETY: the slice has room for eight values, the store is unaligned, `self` proves AVX2.
         unsafe { _mm256_storeu_ps(dst.as_mut_ptr(), v) }
     }
 
@@ -90,8 +90,8 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn store_bytes(self, v: __m256, dst: &mut [u8]) {
         assert!(dst.len() >= 8);
-        // SAFETY: there is room for eight bytes, the store is unaligned, `self` proves AVX2. `max`
-        // makes NaN 0.
+        // SAFETY: the slice has room for eight bytes, the store is unaligned, `self` proves AVX2.
+        // `max` makes NaN 0.
         unsafe {
             let held = _mm256_min_ps(_mm256_max_ps(v, _mm256_setzero_ps()), _mm256_set1_ps(255.0));
             let rounded = _mm256_cvtps_epi32(held);
@@ -107,7 +107,7 @@ impl Simd for Avx2 {
     fn store_int16(self, v: __m256, dst: &mut [i16]) {
         assert!(dst.len() >= 8);
         let most = f32::from(MOST_INT16);
-        // SAFETY: there is room for eight values, the store is unaligned, `self` proves AVX2.
+        // SAFETY: the slice has room for eight values, the store is unaligned, `self` proves AVX2.
         unsafe {
             let held = _mm256_min_ps(
                 _mm256_max_ps(v, _mm256_set1_ps(-most)),
@@ -369,21 +369,21 @@ impl Avx2 {
     #[inline(always)]
     fn load_quads(self, weights: &[[i8; 4]]) -> __m256i {
         assert!(weights.len() >= 8);
-        // SAFETY: eight times four bytes are there, the load is unaligned, `self` proves AVX2.
+        // SAFETY: the slice has eight times four bytes, the load is unaligned, `self` proves AVX2.
         unsafe { _mm256_loadu_si256(weights.as_ptr().cast()) }
     }
 
     #[inline(always)]
     fn load_int16(self, pairs: &[[i16; 2]]) -> __m256i {
         assert!(pairs.len() >= 8);
-        // SAFETY: eight pairs are there, the load is unaligned, `self` proves AVX2.
+        // SAFETY: the slice has eight pairs, the load is unaligned, `self` proves AVX2.
         unsafe { _mm256_loadu_si256(pairs.as_ptr().cast()) }
     }
 
     #[inline(always)]
     fn load_sums(self, from: &[i32]) -> __m256i {
         assert!(from.len() >= 8);
-        // SAFETY: eight values are there, the load is unaligned, `self` proves AVX2.
+        // SAFETY: the slice has eight values, the load is unaligned, `self` proves AVX2.
         unsafe { _mm256_loadu_si256(from.as_ptr().cast()) }
     }
 }

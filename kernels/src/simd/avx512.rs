@@ -62,7 +62,7 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn load(self, src: &[f32]) -> __m512 {
         assert!(src.len() >= 16);
-        // SAFETY: sixteen values are there, the load is unaligned, `self` proves AVX-512 F.
+        // SAFETY: the slice has sixteen values, the load is unaligned, `self` proves AVX-512 F.
         unsafe { _mm512_loadu_ps(src.as_ptr()) }
     }
 
@@ -76,8 +76,8 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn store(self, v: __m512, dst: &mut [f32]) {
         assert!(dst.len() >= 16);
-        // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512
-        // F.
+        // SAFETY: the slice has room for sixteen values, the store is unaligned, `self` proves
+        // AVX-512 F.
         unsafe { _mm512_storeu_ps(dst.as_mut_ptr(), v) }
     }
 
@@ -91,8 +91,8 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn store_bytes(self, v: __m512, dst: &mut [u8]) {
         assert!(dst.len() >= 16);
-        // SAFETY: there is room for sixteen bytes, the store is unaligned, `self` proves AVX-512 F.
-        // `max` makes NaN 0.
+        // SAFETY: the slice has room for sixteen bytes, the store is unaligned, `self` proves
+        // AVX-512 F. `max` makes NaN 0.
         unsafe {
             let rounded = _mm512_cvtps_epi32(_mm512_max_ps(v, _mm512_setzero_ps()));
             _mm_storeu_si128(dst.as_mut_ptr().cast(), _mm512_cvtusepi32_epi8(rounded));
@@ -103,8 +103,8 @@ impl Simd for Avx512 {
     fn store_int16(self, v: __m512, dst: &mut [i16]) {
         assert!(dst.len() >= 16);
         let most = f32::from(MOST_INT16);
-        // SAFETY: there is room for sixteen values, the store is unaligned, `self` proves AVX-512
-        // F.
+        // SAFETY: the slice has room for sixteen values, the store is unaligned, `self` proves
+        // AVX-512 F.
         unsafe {
             let held = _mm512_min_ps(
                 _mm512_max_ps(v, _mm512_set1_ps(-most)),
@@ -358,22 +358,22 @@ impl Avx512 {
     #[inline(always)]
     fn load_quads(self, weights: &[[i8; 4]]) -> __m512i {
         assert!(weights.len() >= 16);
-        // SAFETY: sixteen times four bytes are there, the load is unaligned, `self` proves AVX-512
-        // F.
+        // SAFETY: the slice has sixteen times four bytes, the load is unaligned, `self` proves
+        // AVX-512 F.
         unsafe { _mm512_loadu_si512(weights.as_ptr().cast()) }
     }
 
     #[inline(always)]
     fn load_int16(self, pairs: &[[i16; 2]]) -> __m512i {
         assert!(pairs.len() >= 16);
-        // SAFETY: sixteen pairs are there, the load is unaligned, `self` proves AVX-512 F.
+        // SAFETY: the slice has sixteen pairs, the load is unaligned, `self` proves AVX-512 F.
         unsafe { _mm512_loadu_si512(pairs.as_ptr().cast()) }
     }
 
     #[inline(always)]
     fn load_sums(self, from: &[i32]) -> __m512i {
         assert!(from.len() >= 16);
-        // SAFETY: sixteen values are there, the load is unaligned, `self` proves AVX-512 F.
+        // SAFETY: the slice has sixteen values, the load is unaligned, `self` proves AVX-512 F.
         unsafe { _mm512_loadu_si512(from.as_ptr().cast()) }
     }
 }

@@ -85,14 +85,15 @@ impl Dot for NeonDot {
     #[inline(always)]
     fn load(self, weights: &[[i8; 4]]) -> int8x16_t {
         assert!(weights.len() >= 4);
-        // SAFETY: four times four bytes are there, the load is unaligned, NEON is part of aarch64.
+        // SAFETY: the slice has four times four bytes, the load is unaligned, NEON is part of
+        // aarch64.
         unsafe { vld1q_s8(weights.as_ptr().cast()) }
     }
 
     #[inline(always)]
     fn sums(self, from: &[i32]) -> int32x4_t {
         assert!(from.len() >= 4);
-        // SAFETY: four values are there, the load is unaligned, NEON is part of aarch64.
+        // SAFETY: the slice has four values, the load is unaligned, NEON is part of aarch64.
         unsafe { vld1q_s32(from.as_ptr()) }
     }
 
@@ -176,7 +177,7 @@ impl Dot for NeonMatrix {
     #[inline(always)]
     fn load(self, weights: &[[i8; 4]]) -> [int8x16_t; 2] {
         assert!(weights.len() >= 8);
-        // SAFETY: eight times four bytes are there, the loads are unaligned, NEON is part of
+        // SAFETY: the slice has eight times four bytes, the loads are unaligned, NEON is part of
         // aarch64.
         unsafe {
             [
@@ -189,7 +190,7 @@ impl Dot for NeonMatrix {
     #[inline(always)]
     fn sums(self, from: &[i32]) -> [int32x4_t; 2] {
         assert!(from.len() >= 4);
-        // SAFETY: four values are there, the load is unaligned, NEON is part of aarch64.
+        // SAFETY: the slice has four values, the load is unaligned, NEON is part of aarch64.
         unsafe {
             let channels = vreinterpretq_s64_s32(vld1q_s32(from.as_ptr()));
             let (first, others) = (
@@ -271,7 +272,7 @@ fn splat_pair(x: [i16; 2]) -> int16x8_t {
 #[inline(always)]
 fn load_pairs(pairs: &[[i16; 2]]) -> int16x8_t {
     assert!(pairs.len() >= 4);
-    // SAFETY: four pairs are there, the load is unaligned, NEON is part of aarch64.
+    // SAFETY: the slice has four pairs, the load is unaligned, NEON is part of aarch64.
     unsafe { vld1q_s16(pairs.as_ptr().cast()) }
 }
 
@@ -289,7 +290,7 @@ fn dot_pairs(x: int16x8_t, w: int16x8_t, sum: int32x4_t) -> int32x4_t {
 #[inline(always)]
 fn to_f32(sum: int32x4_t) -> wide::f32x4 {
     let mut lanes = [0; 4];
-    // SAFETY: there is room for four values, NEON is part of aarch64.
+    // SAFETY: the slice has room for four values, NEON is part of aarch64.
     unsafe { vst1q_s32(lanes.as_mut_ptr(), sum) }
     wide::f32x4::from_i32x4(wide::i32x4::new(lanes))
 }

@@ -334,7 +334,7 @@ struct KernelLines<'a> {
     point: Option<f32>,   // `None` for 0 and infinity
     g: &'a [f32],         // [Cin * vectors][k][k][LANES]
     plus: &'a mut [f32],  // [Cin * vectors][k][LANES]
-    minus: &'a mut [f32], // likewise
+    minus: &'a mut [f32], // [Cin * vectors][k][LANES]
 }
 
 impl Kernel for KernelLines<'_> {

@@ -16,7 +16,7 @@ use crate::simd::{Portable, Simd};
 /// The positive points of the pairs: two for 6 points, three for 8, four for 10.
 ///
 /// They are fractions whose denominators are powers of two, so that the matrices are exact in
-/// `f32`. The four have the smallest error of all such.
+/// `f32`. Of all sets of four, these have the smallest error.
 pub const fn pairs(points: usize) -> [f32; MAX_PAIRS] {
     match points {
         10 => [0.5, 0.875, 1.25, 2.5],

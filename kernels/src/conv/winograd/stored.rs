@@ -85,7 +85,7 @@ fn widths(short: bool, vectors: usize) -> impl Iterator<Item = usize> + Clone {
     std::iter::repeat_n(1, ones).chain(blocks(vectors - ones))
 }
 
-/// `U = G g G^T` of kernels `[Cout, k, k, Cin]`, laid out as [`StoredKernels`] with blocks of such
+/// `U = G g G^T` of kernels `[Cout, k, k, Cin]`, laid out as [`StoredKernels`] with blocks of these
 /// `widths`.
 pub(super) fn transform_kernels(
     isa: Isa,

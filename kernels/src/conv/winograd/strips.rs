@@ -48,7 +48,7 @@ pub(super) struct KernelLayout {
 }
 
 impl KernelLayout {
-    /// For blocks of such `widths`, in vectors, and the largest register tiles.
+    /// For blocks of these `widths`, in vectors, and the largest register tiles.
     pub fn new(
         isa: Isa,
         inputs: usize,
