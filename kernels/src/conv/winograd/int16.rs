@@ -196,8 +196,7 @@ impl<D: Dot> TileTask for (ThreadPart<'_, Int16Kernels>, D) {
                 let (from, lanes) = ((row * channels + first) * A, vectors * D::Float::LANES);
                 let u = &kernels.u[from * inputs..][..A * inputs * lanes];
                 let (v, scale) = (bytemuck::cast_slice(v), &kernels.scale[from..][..A * lanes]);
-                dot.call(Products {
-                    points: A,
+                dot.call(Products::<A> {
                     strip,
                     vectors,
                     v,
@@ -213,23 +212,21 @@ impl<D: Dot> TileTask for (ThreadPart<'_, Int16Kernels>, D) {
 
 /// `M = V U` for one row of points, one block, and the tiles of a strip: per point
 /// `[tiles, Cin] x [Cin, lanes]`.
-struct Products<'a> {
-    points: usize, // of the row
+struct Products<'a, const A: usize> {
     strip: &'a Strip<'a>,
     vectors: usize,   // of the block
     v: &'a [Pair],    // of the row's first point and the first group
-    u: &'a [Pair],    // points times [pairs of Cin, vectors * LANES]
-    scale: &'a [f32], // points times [vectors * LANES]
-    m: &'a mut [f32], // [tiles * vectors][points][LANES]
+    u: &'a [Pair],    // A times [pairs of Cin, vectors * LANES]
+    scale: &'a [f32], // A times [vectors * LANES]
+    m: &'a mut [f32], // [tiles * vectors][A][LANES]
 }
 
-impl DotKernel for Products<'_> {
+impl<const A: usize> DotKernel for Products<'_, A> {
     type Output = ();
 
     #[inline(always)]
     fn run<D: Dot>(self, dot: D) {
         let Products {
-            points,
             strip,
             vectors,
             v,
@@ -239,14 +236,14 @@ impl DotKernel for Products<'_> {
         } = self;
         let StripPlan { v_step, v_len, .. } = *strip.plan;
         let vector = D::Float::LANES;
-        let scales = scale.chunks_exact(scale.len() / points);
-        for ((j, u), scale) in u.chunks_exact(u.len() / points).enumerate().zip(scales) {
+        let scales = scale.chunks_exact(scale.len() / A);
+        for ((j, u), scale) in u.chunks_exact(u.len() / A).enumerate().zip(scales) {
             let (v, m) = (&v[j * v_step..], &mut m[j * vector..]);
             let (mut groups, mut vs) = (0, 0); // done so far, and vectors of M
             for (count, tiles) in strip.runs() {
                 if count > 0 {
-                    let m = &mut m[vs * points * vector..];
-                    let some = Groups {
+                    let m = &mut m[vs * A * vector..];
+                    let some = Groups::<A> {
                         count,
                         v: &v[groups * v_len..],
                         v_len,
@@ -254,7 +251,6 @@ impl DotKernel for Products<'_> {
                         scale,
                         first: groups == 0,
                         m,
-                        m_step: points * vector,
                     };
                     super::super::for_tile!(
                         tiles,
@@ -272,7 +268,7 @@ impl DotKernel for Products<'_> {
 }
 
 /// The same for one point and some groups of equal size.
-struct Groups<'a> {
+struct Groups<'a, const A: usize> {
     count: usize,
     v: &'a [Pair],
     v_len: usize,
@@ -280,16 +276,16 @@ struct Groups<'a> {
     scale: &'a [f32],
     first: bool, // whether these are the first groups, which prefetch the next point's U
     m: &'a mut [f32],
-    m_step: usize, // from one vector of M to the next
 }
 
-impl Groups<'_> {
+impl<const A: usize> Groups<'_, A> {
     /// The hot loop, `products`, once per group; then sums become `f32`.
     #[inline(always)]
     fn run<D: Dot, const TILES: usize, const VECTORS: usize>(self, dot: D) {
         let (simd, vector) = (dot.float(), D::Float::LANES);
         let pairs = self.u.len() / (VECTORS * vector);
-        let step = self.m_step;
+        // A constant: stores at variable places would keep the sums in memory, in the hot loop too.
+        let step = const { A * D::Float::LANES };
         for group in 0..self.count {
             let v = &self.v[group * self.v_len..][..TILES * pairs];
             let m = &mut self.m[group * TILES * VECTORS * step..]

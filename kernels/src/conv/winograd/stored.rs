@@ -229,8 +229,7 @@ impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
                 if const { SHORT_TILES * A <= S::LONG_TILE.1 } && kernels.short {
                     simd.call(ShortProducts::<A, M> { strip, v, u, half });
                 } else {
-                    simd.call(Products {
-                        points: A,
+                    simd.call(Products::<A> {
                         strip,
                         vectors,
                         v,
@@ -246,22 +245,20 @@ impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
 
 /// `M = V U` for one row of points, one block, and the tiles of a strip: per point
 /// `[tiles, Cin] x [Cin, lanes]`.
-struct Products<'a> {
-    points: usize, // of the row
+struct Products<'a, const A: usize> {
     strip: &'a Strip<'a>,
     vectors: usize,   // of the block
     v: &'a [f32],     // of the row's first point and the first group
-    u: &'a [f32],     // points times [Cin, vectors * LANES]
-    m: &'a mut [f32], // [tiles * vectors][points][LANES]
+    u: &'a [f32],     // A times [Cin, vectors * LANES]
+    m: &'a mut [f32], // [tiles * vectors][A][LANES]
 }
 
-impl Kernel for Products<'_> {
+impl<const A: usize> Kernel for Products<'_, A> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Products {
-            points,
             strip,
             vectors,
             v,
@@ -269,21 +266,20 @@ impl Kernel for Products<'_> {
             m,
         } = self;
         let StripPlan { v_step, v_len, .. } = *strip.plan;
-        for (j, u) in u.chunks_exact(u.len() / points).enumerate() {
+        for (j, u) in u.chunks_exact(u.len() / A).enumerate() {
             let (v, m) = (&v[j * v_step..], &mut m[j * S::LANES..]);
             // A point's U stays in the L1 cache while all groups of tiles pass over it.
             let (mut groups, mut vs) = (0, 0); // done so far, and vectors of M
             for (count, tiles) in strip.runs() {
                 if count > 0 {
-                    let m = &mut m[vs * points * S::LANES..];
-                    let some = Groups {
+                    let m = &mut m[vs * A * S::LANES..];
+                    let some = Groups::<A> {
                         count,
                         v: &v[groups * v_len..],
                         v_len,
                         u,
                         first: groups == 0,
                         m,
-                        m_step: points * S::LANES,
                     };
                     super::super::for_tile!(tiles, vectors, some.run, S, simd, S::TILE_PIXELS);
                     (groups, vs) = (groups + count, vs + count * tiles * vectors);
@@ -294,24 +290,24 @@ impl Kernel for Products<'_> {
 }
 
 /// The same for one point and some groups of equal size.
-struct Groups<'a> {
+struct Groups<'a, const A: usize> {
     count: usize,
     v: &'a [f32],
     v_len: usize,
     u: &'a [f32],
     first: bool, // whether these are the first groups, which prefetch the next point's U
     m: &'a mut [f32],
-    m_step: usize, // from one vector of M to the next
 }
 
-impl Groups<'_> {
+impl<const A: usize> Groups<'_, A> {
     /// The hot loop, `add_products`, once per group: a register tile of `TILES` tiles x `VECTORS`
     /// channel vectors.
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize, const VECTORS: usize>(self, simd: S) {
         let cin = self.u.len() / (VECTORS * S::LANES);
-        let step = self.m_step;
+        // A constant: stores at variable places would keep the sums in memory, in the hot loop too.
+        let step = const { A * S::LANES };
         for group in 0..self.count {
             let v = &self.v[group * self.v_len..][..TILES * cin];
             let m = &mut self.m[group * TILES * VECTORS * step..]
