@@ -18,7 +18,7 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-ENTRY = re.compile(r"::(enter|enter_dot|call)(::inner)?(::)?<|clear_upper_halves")
+ENTRY = re.compile(r"kernels::simd::.*(enter::inner|enter_dot::inner|(Simd|Dot)>::call)::<")
 FUNCTION = re.compile(r"^[0-9a-f]+ <(.*)>:$")
 INSTRUCTION = re.compile(r"^\s+[0-9a-f]+:\t(.*)$")
 RELOCATION = re.compile(r"^\s+[0-9a-f]+: R_\w+\s+(.*)$")
