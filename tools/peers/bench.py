@@ -32,7 +32,7 @@ class Engine:
         command = [sys.executable, str(here / "worker.py"), name, widths, str(threads), str(folder)]
         if name == "track-cpu":
             channels = ",".join(map(str, network.WIDTHS[widths]))
-            command = [track_cpu, "bench", "--worker", "--widths", channels]
+            command = [track_cpu, "bench", "worker", "--widths", channels]
             command += ["--threads", str(threads), "--precision", precision]
         pin = ["taskset", "-c", ",".join(map(str, range(os.cpu_count())[-threads:]))]
         environment = dict(os.environ, OMP_NUM_THREADS=str(threads))

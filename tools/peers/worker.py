@@ -2,7 +2,7 @@
 
 Makes the engine's model in FOLDER unless it exists, warms up, and prints READY and the engine's
 version. Then it runs N passes for each line N of standard input, and prints their times in
-milliseconds. `track-cpu bench --worker` speaks the same protocol.
+milliseconds. `track-cpu bench worker` speaks the same protocol.
 """
 
 import pathlib
