@@ -168,9 +168,7 @@ fn main() {
     };
     let architecture = Architecture::new(widths, None);
     let threads = Threads::new(1);
-    println!(
-        "one thread; ms (10^9 operations/s, % of the measured peak of the same arithmetic)"
-    );
+    println!("one thread; ms (10^9 operations/s, % of the measured peak of the same arithmetic)");
     print!("{:18} {:>7}", "layer", "MMAC");
     for isa in &isas {
         for algorithm in &algorithms {
