@@ -1,4 +1,5 @@
-//! Flight mode through the public API: the paper's boxes while the target is there, and what happens when it is not.
+//! Flight mode through the public API: the plain tracker's boxes while the target is there, and
+//! what happens when it is not.
 
 #![cfg(feature = "cli")]
 
@@ -59,15 +60,15 @@ fn follow(tracker: &mut FlightTracker, data: &[u8], searches: u32) -> FlightTrac
 }
 
 #[test]
-fn boxes_are_the_papers_while_the_target_is_there() {
+fn visible_target_gets_the_boxes_of_the_plain_tracker() {
     let (frames, first) = flight(30);
-    let mut paper = Tracker::new(Model::builtin(Isa::detect()));
+    let mut plain = Tracker::new(Model::builtin(Isa::detect()));
     let (mut watched, mut flying) = (tracker(false), tracker(true));
-    paper.init(&frame(&frames[0]), first).unwrap();
+    plain.init(&frame(&frames[0]), first).unwrap();
     watched.init(&frame(&frames[0]), first).unwrap();
     flying.init(&frame(&frames[0]), first).unwrap();
     for data in &frames[1..] {
-        let expected = paper.update(&frame(data)).unwrap();
+        let expected = plain.update(&frame(data)).unwrap();
         let (watched, flying) = (follow(&mut watched, data, 1), follow(&mut flying, data, 1));
         assert_eq!(
             (watched.bbox, watched.score),
@@ -81,9 +82,10 @@ fn boxes_are_the_papers_while_the_target_is_there() {
     }
 }
 
-/// A jolt of the camera: the picture, and with it the target, leaps farther than the search region reaches.
+/// A jolt of the camera: the picture, and with it the target, leaps farther than the search region
+/// reaches.
 #[test]
-fn a_target_that_leaps_is_followed_as_by_the_paper() {
+fn leaping_target_is_followed_as_by_the_plain_tracker() {
     let (frames, first) = flight(16);
     let leap = (1.6 * first.w.max(first.h)) as usize;
     let leapt = |data: &Vec<u8>| -> Vec<u8> {
@@ -96,14 +98,14 @@ fn a_target_that_leaps_is_followed_as_by_the_paper() {
         .enumerate()
         .map(|(i, data)| if i < 12 { data.clone() } else { leapt(data) })
         .collect();
-    let mut paper = Tracker::new(Model::builtin(Isa::detect()));
+    let mut plain = Tracker::new(Model::builtin(Isa::detect()));
     let mut flying = tracker(true);
-    paper.init(&frame(&frames[0]), first).unwrap();
+    plain.init(&frame(&frames[0]), first).unwrap();
     flying.init(&frame(&frames[0]), first).unwrap();
     let mut before = first;
     for (i, data) in frames.iter().enumerate().skip(1) {
         let (expected, found) = (
-            paper.update(&frame(data)).unwrap(),
+            plain.update(&frame(data)).unwrap(),
             follow(&mut flying, data, 1),
         );
         assert_eq!(found.bbox, expected.bbox, "frame {i}: {found:?}");
@@ -117,7 +119,7 @@ fn a_target_that_leaps_is_followed_as_by_the_paper() {
 }
 
 #[test]
-fn a_target_that_vanishes_is_lost_and_found_again() {
+fn vanished_target_is_lost_and_found_again() {
     let (frames, first) = flight(20);
     let nothing = [96u8, 104, 92].repeat(WIDTH * HEIGHT);
     let mut tracker = tracker(true);
@@ -144,11 +146,11 @@ fn a_target_that_vanishes_is_lost_and_found_again() {
         .collect();
     let found = back.iter().position(|t| t.state == State::Reacquired);
     assert!(found.is_some(), "{:?}", back.last());
-    let mut paper = Tracker::new(Model::builtin(Isa::detect()));
-    paper.init(&frame(&frames[0]), first).unwrap();
+    let mut plain = Tracker::new(Model::builtin(Isa::detect()));
+    plain.init(&frame(&frames[0]), first).unwrap();
     let expected = frames[1..]
         .iter()
-        .map(|data| paper.update(&frame(data)).unwrap().bbox)
+        .map(|data| plain.update(&frame(data)).unwrap().bbox)
         .last()
         .unwrap();
     let end = back[59];
@@ -158,9 +160,9 @@ fn a_target_that_vanishes_is_lost_and_found_again() {
     );
 }
 
-/// However it looks, its presence is such that the box is neither believed nor surely wrong.
+/// Whatever the pictures show, presence is such that the box is neither believed nor surely wrong.
 #[test]
-fn what_is_doubted_for_long_is_looked_for_elsewhere_too() {
+fn doubtful_target_is_followed_on_while_it_is_searched_for_elsewhere() {
     let (frames, first) = flight(30);
     let model = Model::builtin(Isa::detect());
     let options = FlightOptions::new(&model);
@@ -180,23 +182,104 @@ fn what_is_doubted_for_long_is_looked_for_elsewhere_too() {
         shift: 0.0,
     };
     let mut tracker = FlightTracker::with_presence(model, options, presence);
-    let mut paper = Tracker::new(Model::builtin(Isa::detect()));
+    let mut plain = Tracker::new(Model::builtin(Isa::detect()));
     tracker.init(&frame(&frames[0]), first).unwrap();
-    paper.init(&frame(&frames[0]), first).unwrap();
+    plain.init(&frame(&frames[0]), first).unwrap();
     for (i, data) in frames.iter().enumerate().skip(1) {
         let track = follow(&mut tracker, data, 3);
-        assert_eq!(track.searches, if i < 15 { 1 } else { 3 }, "frame {i}");
+        let expected = match i {
+            0..14 => 1..=1,
+            14..18 => 1..=3, // half a second of doubt
+            _ => 3..=3,
+        };
+        assert!(expected.contains(&track.searches), "frame {i}: {track:?}");
         assert!(
             track.state == State::LowConfidence && !track.is_believed(),
             "frame {i}: {track:?}"
         );
-        let iou = track.bbox.iou(&paper.update(&frame(data)).unwrap().bbox);
-        assert!(iou > 0.7, "frame {i}: what is followed is kept, IoU {iou}");
+        let expected = plain.update(&frame(data)).unwrap().bbox;
+        assert_eq!(track.bbox, expected, "frame {i}");
+    }
+}
+
+/// The noise of frame `i`, the same in every run.
+fn noise(i: usize) -> Vec<u8> {
+    let mut state = i as u64 + 1;
+    let mut byte = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 56) as u8
+    };
+    (0..3 * WIDTH * HEIGHT).map(|_| byte()).collect()
+}
+
+#[test]
+fn picture_of_nothing_is_no_presence_and_moves_no_box() {
+    let sky = |i: usize| -> Vec<u8> {
+        let rows = (0..HEIGHT).flat_map(|y| [(100 + y / 2) as u8; 3].repeat(WIDTH));
+        let noise = noise(i);
+        rows.zip(noise)
+            .map(|(row, noise)| row + noise % 4)
+            .collect()
+    };
+    let pictures: [(&str, &dyn Fn(usize) -> Vec<u8>); 4] = [
+        ("black", &|_| vec![0; 3 * WIDTH * HEIGHT]),
+        ("white", &|_| vec![255; 3 * WIDTH * HEIGHT]),
+        ("clear sky", &sky),
+        ("noise", &noise),
+    ];
+    let given = BBox::new(140.0, 80.0, 24.0, 18.0);
+    for (name, picture) in pictures {
+        let mut tracker = tracker(true);
+        tracker.init(&frame(&picture(0)), given).unwrap();
+
+        let tracks: Vec<FlightTrack> = (1..60)
+            .map(|i| follow(&mut tracker, &picture(i), 2))
+            .collect();
+
+        for (i, track) in tracks.iter().enumerate() {
+            assert!(
+                i < 30 || track.presence < 0.4 && !track.is_believed(),
+                "{name}, frame {i}: {track:?}"
+            );
+            assert!(track.bbox.iou(&given) > 0.8, "{name}, frame {i}: {track:?}");
+        }
     }
 }
 
 #[test]
-fn the_same_searches_give_the_same_boxes() {
+fn time_decides_when_a_target_is_lost_and_not_frames() {
+    use std::time::Duration;
+    let (frames, first) = flight(12);
+    let nothing = [96u8, 104, 92].repeat(WIDTH * HEIGHT);
+    for fps in [10u32, 30, 60] {
+        let mut tracker = tracker(true);
+        tracker.init(&frame(&frames[0]), first).unwrap();
+        let elapsed = Duration::from_secs(1) / fps;
+        let budget = Budget::Searches(2);
+        for data in &frames[1..] {
+            tracker.update_after(elapsed, &frame(data), budget).unwrap();
+        }
+
+        let mut lost_after = None;
+        for i in 1..=4 * fps {
+            let track = tracker
+                .update_after(elapsed, &frame(&nothing), budget)
+                .unwrap();
+            if track.state == State::Lost {
+                lost_after = Some(f64::from(i) / f64::from(fps));
+                break;
+            }
+        }
+
+        let seconds = lost_after.unwrap_or(f64::MAX);
+        assert!((1.2..2.4).contains(&seconds), "{fps} fps: {lost_after:?}");
+    }
+}
+
+#[test]
+fn same_searches_give_the_same_boxes() {
     let (frames, first) = flight(6);
     let nothing = vec![30u8; 3 * WIDTH * HEIGHT];
     let run = || -> Vec<FlightTrack> {
@@ -212,7 +295,7 @@ fn the_same_searches_give_the_same_boxes() {
 }
 
 #[test]
-fn no_target_is_an_error_and_strange_frames_are_none() {
+fn missing_target_is_an_error_and_strange_frames_are_not() {
     let (frames, first) = flight(1);
     let mut tracker = tracker(true);
     let budget = Budget::Searches(2);
@@ -247,7 +330,7 @@ fn no_target_is_an_error_and_strange_frames_are_none() {
 }
 
 #[test]
-fn track_tells_presence_and_state_in_flight_mode_only() {
+fn json_of_track_has_presence_and_state_in_flight_mode_only() {
     use std::io::Write;
     use std::process::{Command, Stdio};
     let run = |mode: &str| -> Vec<serde_json::Value> {
@@ -279,10 +362,10 @@ fn track_tells_presence_and_state_in_flight_mode_only() {
             .map(|line| serde_json::from_str(line).unwrap())
             .collect()
     };
-    let (paper, flight) = (run("paper"), run("flight"));
-    assert_eq!((paper.len(), flight.len()), (3, 3));
+    let (plain, flight) = (run("plain"), run("flight"));
+    assert_eq!((plain.len(), flight.len()), (3, 3));
     assert!(
-        paper
+        plain
             .iter()
             .all(|line| line.get("presence").is_none() && line.get("state").is_none())
     );

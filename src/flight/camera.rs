@@ -1,34 +1,49 @@
-//! How the camera moved between two frames: shift, turn and zoom of the whole picture, estimated from thumbnails.
+//! The camera's motion between two frames: shift, turn and zoom of the whole picture, estimated
+//! from thumbnails.
 //!
-//! Both frames are averaged into a grid about 96 cells wide. A whole-cell shift is found by exhaustive comparison on a
-//! grid of half that resolution, then a similarity transform by Gauss-Newton on the brightness differences (Lucas and
-//! Kanade 1981), once from there and once from the motion of the frame before. Straight edges and repeating patterns fit at
-//! many places along them: of two motions that explain the picture about as well the steadier one is taken, and every step is
-//! drawn a little toward the motion before. The target's own cells are left out. Cost: a few million operations, whatever the
-//! frame's size.
+//! Both frames are averaged into a grid about 96 cells wide. Exhaustive comparison on a grid of
+//! half that resolution finds a whole-cell shift. Gauss-Newton on the brightness differences (Lucas
+//! and Kanade 1981) then finds a similarity transform, once from that shift and once from the
+//! motion of the frame before. Straight edges and repeating patterns fit at many places along them:
+//! of two motions that explain the picture about as well the steadier one wins, and every step is
+//! drawn a little toward the motion before. A motion that explains too little of the difference
+//! between the frames (water, sky, a single texture) counts as none. The target's own cells are
+//! left out. The cost is a few million operations, whatever the frame's size.
 
 use crate::bbox::FrameBox;
 use crate::frame::Frame;
 
 /// Cells across the thumbnail.
 const COLUMNS: usize = 96;
-/// Pixels looked at per cell and axis.
+/// Pixels that are averaged per cell and axis.
 const SAMPLES: usize = 4;
 /// Largest shift that the coarse search considers, in coarse cells.
 const REACH: i32 = 8;
+/// Most Gauss-Newton steps.
 const ITERATIONS: usize = 6;
-/// Cells this far from the target, as a share of the thumbnail's width, count half: the ground there moves otherwise.
+/// Distance from the target at which a cell counts half, as a share of the thumbnail's width: the
+/// ground farther away moves otherwise.
 const NEAR: f64 = 0.25;
-/// Standard deviation of the cells of every thumbnail, and the least that is raised to it.
+/// Standard deviation that every thumbnail is brought to.
 const CONTRAST: f32 = 40.0;
+/// Least standard deviation that is raised to it in full.
 const LEAST_CONTRAST: f32 = 4.0;
-/// Brightness differences beyond this are taken for something that moves on its own.
+/// Brightness difference beyond which a cell counts as something that moves on its own.
 const OUTLIER: f64 = 24.0;
-/// Shifts within this many cells of each other lead to the same motion.
+/// Distance of two shifts, in cells, within which they lead to the same motion.
 const ALIKE: f64 = 2.0;
-/// A motion unlike the one before must explain the picture this much better: by this factor of the mean difference.
+/// Factor of the mean difference by which a motion unlike the one before must explain the picture
+/// better.
 const SURPRISE: f64 = 0.8;
-/// How much the motion before counts, as a share of what the picture says along its best direction.
+/// Share of the mean difference that a motion must explain, per cell of it: a large motion needs
+/// more support. Water, sky and a single texture give none.
+const SUPPORT: f64 = 0.05;
+/// Share that supports any motion.
+const FULL_SUPPORT: f64 = 0.15;
+/// Mean difference from which on two pictures have nothing in common: independent ones have 20.
+const NOISE: f64 = 16.0;
+
+/// Weight of the motion before, as a share of the picture's weight along its best direction.
 const STEADY: f64 = 0.02;
 
 /// A similarity transform of frame positions from one frame to the next.
@@ -47,7 +62,7 @@ impl Default for Motion {
 }
 
 impl Motion {
-    /// A mere shift, in pixels.
+    /// A shift without turn and zoom, in pixels.
     pub fn shift(x: f64, y: f64) -> Motion {
         Motion {
             a: 0.0,
@@ -63,13 +78,13 @@ impl Motion {
         (dx + self.x, dy + self.y)
     }
 
-    /// What becomes of a difference of positions.
+    /// A difference of positions in the later frame.
     pub fn turn(&self, x: f64, y: f64) -> (f64, f64) {
         (x + self.a * x - self.b * y, y + self.b * x + self.a * y)
     }
 
-    /// The box moved with the picture. Its size stays: the ground grows as a camera flies toward it, a target that the camera
-    /// follows does not (on rendered flights the two come apart by a factor of two in a hundred frames).
+    /// The box moved with the picture. Its size stays: the ground grows as a camera flies toward
+    /// it, but a target that the camera follows does not.
     pub(crate) fn carry(&self, bbox: &FrameBox) -> FrameBox {
         let (cx, cy) = self.apply(bbox.cx.into(), bbox.cy.into());
         FrameBox {
@@ -80,7 +95,8 @@ impl Motion {
     }
 }
 
-/// Brightness per cell, less the picture's mean and at the same contrast for all pictures: exposure may change at once.
+/// Brightness per cell, less the picture's mean and at the same contrast for all pictures, because
+/// exposure may change from frame to frame.
 #[derive(Clone, Debug, Default)]
 struct Thumbnail {
     values: Vec<f32>,
@@ -132,7 +148,7 @@ impl Thumbnail {
         f64::from(self.values[row * self.columns + column])
     }
 
-    /// Bilinear look-up with its gradient; `None` outside.
+    /// Bilinear interpolation with its gradient; `None` outside.
     fn sample(&self, x: f64, y: f64) -> Option<(f64, f64, f64)> {
         if !(x >= 0.0 && y >= 0.0) {
             return None;
@@ -156,7 +172,7 @@ impl Thumbnail {
         ))
     }
 
-    /// Half the resolution.
+    /// Averages into half the resolution.
     fn halve(&self, into: &mut Thumbnail) {
         (into.columns, into.rows, into.cell) = (self.columns / 2, self.rows / 2, 2 * self.cell);
         into.values.clear();
@@ -173,7 +189,7 @@ impl Thumbnail {
     }
 }
 
-/// Watches the frames go by and says how the picture moved.
+/// Estimates the motion from each frame to the next.
 #[derive(Clone, Debug, Default)]
 pub struct CameraMotion {
     before: Thumbnail,
@@ -181,19 +197,20 @@ pub struct CameraMotion {
     coarse_before: Thumbnail,
     coarse_now: Thumbnail,
     last: Fit,
+    noise: bool,
 }
 
 /// A motion about the middle of the thumbnail, in cells, and how well it explains the picture.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     motion: [f64; 4], // as of `Motion`: a, b, x, y
-    difference: f64,  // mean of the brightness differences that were left before the last step
+    difference: f64,  // mean brightness difference before the last step
 }
 
 impl CameraMotion {
-    /// How the picture moved since the frame shown before, `without` a box of that earlier frame but with regard to its
-    /// surroundings above all; no motion if there was
-    /// none of that size, or if nothing fits better.
+    /// The motion since the frame before, of the surroundings of a box of that earlier frame above
+    /// all but `without` the box; no motion if the frame before had another size, or if no motion
+    /// has support.
     pub(crate) fn observe(&mut self, frame: &Frame<'_>, without: Option<&FrameBox>) -> Motion {
         std::mem::swap(&mut self.before, &mut self.now);
         std::mem::swap(&mut self.coarse_before, &mut self.coarse_now);
@@ -204,12 +221,13 @@ impl CameraMotion {
         };
         if !same(&self.before, &self.now) || self.now.columns < 8 || self.now.rows < 8 {
             self.last = Fit::default();
+            self.noise = false;
             return Motion::default();
         }
         let (x, y) = self.coarse_shift(without);
         let [_, _, last_x, last_y] = self.last.motion;
         let steady = self.refine(self.last.motion, without);
-        // As a rule both lead to the same motion.
+        // Both starts usually lead to the same motion.
         let alike = (x - last_x).abs().max((y - last_y).abs()) <= ALIKE;
         let other = if alike && steady.is_some() {
             None
@@ -222,7 +240,45 @@ impl CameraMotion {
             }
             (steady, other) => other.or(steady).unwrap_or_default(),
         };
+        let still = self.difference([0.0; 4], without);
+        let explained = self.difference(self.last.motion, without);
+        self.noise = explained >= NOISE;
+        let [_, _, x, y] = self.last.motion;
+        let needed = (SUPPORT * x.hypot(y)).min(FULL_SUPPORT);
+        if self.noise || explained > (1.0 - needed) * still {
+            self.last = Fit::default();
+        }
         self.in_frame(self.last.motion)
+    }
+
+    /// Whether the last picture has nothing in common with the one before.
+    pub(crate) fn is_noise(&self) -> bool {
+        self.noise
+    }
+
+    /// Mean brightness difference that a motion in cells leaves.
+    fn difference(&self, [a, b, x, y]: [f64; 4], without: Option<&FrameBox>) -> f64 {
+        let (before, now) = (&self.before, &self.now);
+        let (mx, my) = (before.columns as f64 / 2.0, before.rows as f64 / 2.0);
+        let hole = Hole::new(without, before.cell);
+        let half = NEAR * before.columns as f64;
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for row in 0..before.rows {
+            for column in 0..before.columns {
+                let (column_at, row_at) = (column as f64, row as f64);
+                let (u, v) = (column_at - mx, row_at - my);
+                let to = (u + a * u - b * v + x + mx, v + b * u + a * v + y + my);
+                let Some((value, ..)) = now.sample(to.0, to.1) else {
+                    continue;
+                };
+                if !hole.contains(column_at, row_at) {
+                    let near = hole.nearness(column_at, row_at, half);
+                    sum += near * (before.at(column, row) - value).abs().min(OUTLIER);
+                    weights += near;
+                }
+            }
+        }
+        sum / f64::max(weights, 1.0)
     }
 
     /// The whole-cell shift of least mean absolute difference, in cells of the fine grid.
@@ -332,7 +388,8 @@ impl CameraMotion {
         Some(fit)
     }
 
-    /// From cells around the middle to pixels around the corner; a cell's center lies half a cell in.
+    /// From cells around the middle to pixels around the corner; a cell's center lies half a cell
+    /// in.
     fn in_frame(&self, [a, b, x, y]: [f64; 4]) -> Motion {
         let cell = self.now.cell as f64;
         let (mx, my) = (self.now.columns as f64 / 2.0, self.now.rows as f64 / 2.0);
@@ -440,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_shift_turn_and_zoom() {
+    fn moved_picture_gives_its_shift_turn_and_zoom() {
         for truth in [
             Motion::default(),
             Motion::shift(3.0, -2.0),
@@ -473,11 +530,11 @@ mod tests {
     }
 
     #[test]
-    fn does_not_slip_along_an_edge() {
+    fn foggy_edge_keeps_the_motion_steady() {
         let mut camera = CameraMotion::default();
         for i in 0..70 {
-            // Fog hides the ground little by little. In the end nothing tells one place along the bridge from another, and the
-            // view of it that fits best is 60 pixels off.
+            // Fog hides the ground little by little. In the end nothing tells one place along the
+            // bridge from another, and the view of it that fits best is 60 pixels off.
             let (n, fog) = (f64::from(i), (f64::from(i) / 40.0).min(1.0));
             let (ground, bridge) = (picture(&Motion::shift(2.0 * n, n)), bridge((2.0 * n, n)));
             let mix =
@@ -505,7 +562,7 @@ mod tests {
     }
 
     #[test]
-    fn four_equations() {
+    fn independent_equations_are_solved_and_dependent_ones_refused() {
         let m = [
             [0.0, 2.0, 0.0, 1.0],
             [1.0, 0.0, 0.0, 0.0],

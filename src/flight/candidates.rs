@@ -87,7 +87,7 @@ mod tests {
     use weights_format::{Architecture, Widths};
 
     #[test]
-    fn one_candidate_per_object() {
+    fn neighboring_cells_give_one_candidate_per_object() {
         let selector = Selector::new(&Architecture::new(Widths::FULL, None));
         let mut outputs = Outputs {
             score: vec![0.1; 289],

@@ -1,52 +1,66 @@
-//! The target's colors: where a frame has them, and how far what was found has them.
+//! The target's colors: where a frame has them, and how far a finding has them.
 //!
-//! A color is red's and blue's share of the light, which stay alike in sun and shade, and brightness, in few steps. Two histograms, of the
-//! target's colors and of the whole view's. A place is as promising as the mean of their log ratio in a
-//! box of the target's size there (the Bayes classifier of colors that Bertinetto et al., "Staple", CVPR 2016, section 3.3, track with):
-//! that says in which order places are looked at. What is found there is compared with the target by the Bhattacharyya coefficient of their
-//! histograms (Comaniciu, Ramesh, Meer, "Kernel-based object tracking", PAMI 2003, section 3.2): the network hardly sees colors, which tell
-//! most objects of one kind apart.
+//! A color is red's and blue's share of the light, which stay alike in sun and shade, and
+//! brightness, in few levels. There are two histograms: of the target's colors and of the whole
+//! view's. The target's own colors are those that are likelier in its box than around it, because
+//! up to half of a box shows background. A place is as promising as the mean log ratio of the two
+//! histograms in a box of the target's size (the Bayes classifier of Bertinetto et al., "Staple",
+//! CVPR 2016, section 3.3): that decides in which order places are searched. A finding is compared
+//! with the target by the Bhattacharyya coefficient of their histograms (Comaniciu, Ramesh, Meer,
+//! "Kernel-based object tracking", PAMI 2003, section 3.2). The network hardly sees colors, which
+//! tell most objects of one kind apart.
 
 use crate::bbox::FrameBox;
 use crate::frame::Frame;
 
-/// Levels of red's share, of blue's, and of brightness.
+/// Levels of red's share, of blue's share, and of brightness.
 const LEVELS: [usize; 3] = [12, 12, 3];
 const COLORS: usize = LEVELS[0] * LEVELS[1] * LEVELS[2];
-/// How much more or less than its third of the light a channel has at its last and first level.
+/// Difference from a third of the light at which a channel has its first or last level.
 const VIVID: f32 = 0.2;
-/// Added to every channel: what is almost black has no color.
+/// Value that is added to every channel: what is almost black has no color.
 const DARK: f32 = 7.0;
-/// Samples per axis of the target,
+/// Samples per axis of the target.
 const TARGET_SAMPLES: (usize, usize) = (16, 16);
-/// and of the view.
+/// Samples per axis of the view.
 const VIEW_SAMPLES: (usize, usize) = (64, 36);
-/// Cells of the map along the target's side, and most cells in all.
+/// Cells of the heat map along the target's side.
 const CELLS: f64 = 6.0;
+/// Most cells of the heat map.
 const MOST_CELLS: f64 = 65536.0;
-/// Share of a new observation in the histograms.
-const LEARNING: f32 = 0.05;
-/// Share that every color is taken to have at least.
+/// Share of a new observation in the histograms, per second since the last one.
+const LEARNING: f64 = 0.5;
+/// Side of the region around the target that counts as its background, in sides of its box.
+const AROUND: f32 = 2.0;
+/// Samples per axis of that region.
+const AROUND_SAMPLES: (usize, usize) = (24, 24);
+/// Share that every color has at least.
 const LEAST: f32 = 2e-3;
-/// Share of the target's box that is looked at: its corners mostly show something else.
+/// Share of the target's box that is sampled: its corners mostly show something else.
 const INNER: f32 = 0.8;
 
-/// What the target's colors are, and the view's.
+/// The target's colors, and the view's.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Colors {
     target: Vec<f32>, // [COLORS]: shares; empty before the first look
     view: Vec<f32>,   // [COLORS]: shares
     heat: Vec<f32>,   // [COLORS]: log ratio
     sums: Vec<f64>,   // integral image of the frame's heat, one row and column more than cells
-    here: Vec<f32>,   // [COLORS]: shares of what is compared
+    here: Vec<f32>,   // [COLORS]: shares in the box that is compared
+    around: Vec<f32>, // [COLORS]: shares of the target's background
     usual: f64,       // running mean of the target's own coefficient
 }
 
 impl Colors {
-    /// Learns from a frame in which the target is seen, with some `trust` in `[0, 1]`.
-    pub(super) fn learn(&mut self, frame: &Frame<'_>, bbox: &FrameBox, trust: f32) {
+    /// Learns from a frame in which the target is seen, with some `trust` in `[0, 1]`, `dt` seconds
+    /// after the last one.
+    pub(super) fn learn(&mut self, frame: &Frame<'_>, bbox: &FrameBox, trust: f32, dt: f64) {
         let first = self.target.is_empty();
-        let rate = if first { 1.0 } else { LEARNING * trust };
+        let rate = if first {
+            1.0
+        } else {
+            (LEARNING * dt).min(0.5) as f32 * trust
+        };
         self.usual = if first {
             1.0
         } else {
@@ -56,13 +70,44 @@ impl Colors {
             histogram.resize(COLORS, 0.0);
             histogram.iter_mut().for_each(|share| *share *= 1.0 - rate);
         }
-        count(frame, inner(bbox), TARGET_SAMPLES, rate, &mut self.target);
+        self.count_foreground(frame, bbox);
+        for (share, here) in self.target.iter_mut().zip(&self.here) {
+            *share += rate * here;
+        }
         let all = (0.0, 0.0, frame.width() as f32, frame.height() as f32);
         count(frame, all, VIEW_SAMPLES, rate, &mut self.view);
     }
 
-    /// How far what is in a box has the target's colors, in `[0, 1]`: 1 if as far as the target itself does from one frame to the next; 0
-    /// before anything was learned.
+    /// Counts the target's own colors into `here`: those of its box, each by how much likelier it
+    /// is in the box than around it. Up to half of a box shows background.
+    fn count_foreground(&mut self, frame: &Frame<'_>, bbox: &FrameBox) {
+        for histogram in [&mut self.here, &mut self.around] {
+            histogram.clear();
+            histogram.resize(COLORS, 0.0);
+        }
+        count(frame, inner(bbox), TARGET_SAMPLES, 1.0, &mut self.here);
+        let region = (
+            bbox.cx - 0.5 * AROUND * bbox.w,
+            bbox.cy - 0.5 * AROUND * bbox.h,
+            AROUND * bbox.w,
+            AROUND * bbox.h,
+        );
+        count(frame, region, AROUND_SAMPLES, 1.0, &mut self.around);
+        // The region contains the box, which is a quarter of it.
+        let share = 1.0 / (AROUND * AROUND);
+        let mut sum = 0.0;
+        for (here, around) in self.here.iter_mut().zip(&self.around) {
+            let background = ((around - share * *here) / (1.0 - share)).max(0.0);
+            *here *= *here / (*here + background).max(1e-6);
+            sum += *here;
+        }
+        for here in &mut self.here {
+            *here /= f32::max(sum, 1e-6);
+        }
+    }
+
+    /// How far a box has the target's colors, in `[0, 1]`: 1 if as far as the target itself does
+    /// from one frame to the next; 0 before anything was learned.
     pub(super) fn likeness(&mut self, frame: &Frame<'_>, bbox: &FrameBox) -> f64 {
         (self.coefficient(frame, bbox) / self.usual.max(0.1)).min(1.0)
     }
@@ -77,8 +122,8 @@ impl Colors {
             .sum()
     }
 
-    /// The center of the place of a box's size that has the target's colors most, among those that are `allowed`; `None` before
-    /// anything was learned or if none is allowed.
+    /// The center of the `allowed` place of a box's size that has the target's colors most; `None`
+    /// before anything was learned or if no place is allowed.
     pub(super) fn hottest(
         &mut self,
         frame: &Frame<'_>,
@@ -118,7 +163,8 @@ impl Colors {
         best.map(|(_, x, y)| (x, y))
     }
 
-    /// The integral image of a frame's heat, seen at the middles of cells of `step x step` pixels.
+    /// Fills the integral image of a frame's heat, sampled at the centers of cells of `step x step`
+    /// pixels.
     fn sum_heat(&mut self, frame: &Frame<'_>, step: usize, columns: usize, rows: usize) {
         let ratio = |(target, view): (&f32, &f32)| ((target + LEAST) / (view + LEAST)).ln();
         self.heat.clear();
@@ -142,14 +188,14 @@ impl Colors {
     }
 }
 
-/// The part of a box that is looked at: left, top, width, height.
+/// The part of a box that is sampled: left, top, width, height.
 fn inner(bbox: &FrameBox) -> (f32, f32, f32, f32) {
     let (w, h) = (INNER * bbox.w, INNER * bbox.h);
     (bbox.cx - 0.5 * w, bbox.cy - 0.5 * h, w, h)
 }
 
-/// Adds the colors of a region (left, top, width, height) to a histogram, `rate` in all. Each is shared out to the levels around it, so that a
-/// little more or less light changes little.
+/// Adds the colors of a region (left, top, width, height) to a histogram, `rate` in all. Each color
+/// is shared out to the levels around it, so that a little more or less light changes little.
 fn count(
     frame: &Frame<'_>,
     (left, top, width, height): (f32, f32, f32, f32),
@@ -220,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hottest_place_has_the_targets_colors() {
+    fn hottest_place_has_the_targets_colors() {
         let size = FrameBox {
             cx: 38.0,
             cy: 25.0,
@@ -231,7 +277,7 @@ mod tests {
         let data = picture((30, 20), (100, 20));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
         assert_eq!(colors.hottest(&frame, &size, |_, _| true), None);
-        colors.learn(&frame, &size, 1.0);
+        colors.learn(&frame, &size, 1.0, 0.0);
         let data = picture((120, 60), (20, 40));
         let frame = Frame::new(&data, 160, 90, ChannelOrder::Rgb).unwrap();
         let near =
@@ -251,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn colors_stay_themselves_in_the_shade() {
+    fn shaded_target_keeps_its_colors() {
         let size = FrameBox {
             cx: 38.0,
             cy: 25.0,
@@ -268,6 +314,7 @@ mod tests {
             &Frame::new(&sunny, 160, 90, ChannelOrder::Rgb).unwrap(),
             &size,
             1.0,
+            0.0,
         );
         let shady = Frame::new(&shady, 160, 90, ChannelOrder::Rgb).unwrap();
         let [target, ground] = [
@@ -283,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn gray_pictures_have_brightness_left() {
+    fn gray_picture_is_told_apart_by_brightness() {
         let size = FrameBox {
             cx: 38.0,
             cy: 25.0,
@@ -295,12 +342,12 @@ mod tests {
             .map(|i| if i % 160 < 80 { 40 } else { 220 })
             .collect();
         let frame = Frame::new(&halves, 160, 90, ChannelOrder::Gray).unwrap();
-        colors.learn(&frame, &size, 1.0);
+        colors.learn(&frame, &size, 1.0, 0.0);
         assert!(colors.likeness(&frame, &FrameBox { cx: 120.0, ..size }) < 0.3);
     }
 
     #[test]
-    fn any_frame_will_do() {
+    fn tiny_and_narrow_frames_have_colors() {
         let size = FrameBox {
             cx: 0.0,
             cy: 0.0,
@@ -311,7 +358,7 @@ mod tests {
             let data = vec![7u8; width * height];
             let frame = Frame::new(&data, width, height, ChannelOrder::Gray).unwrap();
             let mut colors = Colors::default();
-            colors.learn(&frame, &size, 1.0);
+            colors.learn(&frame, &size, 1.0, 0.0);
             assert!(colors.hottest(&frame, &size, |_, _| true).is_some());
             assert!(colors.likeness(&frame, &size) > 0.99);
         }

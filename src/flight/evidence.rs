@@ -1,9 +1,10 @@
-//! What speaks for and against a chosen box: numbers from the response, the identity-related features and the motion.
+//! What speaks for and against a chosen box: numbers from the response, the identity-related
+//! features, the motion and the colors.
 
 use super::candidates::{self, Candidate, MAX_CANDIDATES, Peak};
 use crate::bbox::{CropBox, FrameBox};
-use crate::net::{Map, Network};
-use crate::tracker::{Seen, Selector};
+use crate::net::Map;
+use crate::tracker::{Seen, Selector, Tracker};
 
 /// Numbers in [`Evidence`].
 pub const COUNT: usize = 15;
@@ -150,45 +151,52 @@ pub(crate) struct Finding {
     pub bbox: FrameBox,
     pub score: f32,
     pub evidence: Evidence,
+    /// Whether the picture shows nothing there.
+    pub is_blank: bool,
 }
 
-/// Weighs what the network last saw; remembers how the target usually looks.
+/// Judges the network's last outputs, and remembers how the target usually looks.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Witness {
     mean: Vec<f32>,                 // [channels]: of the search region's features
     window: Vec<f32>,               // features at the chosen box, less the mean
     familiar: Vec<f32>,             // running mean of good windows; empty before the first
     usual: Option<(f64, f64)>,      // running means of `score` and `identity`
-    peaks: Vec<Peak>, // of the last search, the chosen one first, the others by falling score,
-    pub candidates: Vec<Candidate>, // the same in frame pixels,
-    pub findings: Vec<Finding>, // and what speaks for those that are worth it
+    peaks: Vec<Peak>,               // of the last search: the chosen one, then by falling score
+    pub candidates: Vec<Candidate>, // the peaks in frame pixels
+    pub findings: Vec<Finding>,     // the first of the candidates, with their evidence
 }
 
 /// Score from which on a candidate that was not chosen is worth judging.
 const SLIGHT: f64 = 0.02;
-/// Share of a new observation in the running means.
-const LEARNING: f32 = 0.05;
+/// Share of a new observation in the running means, per second since the last one.
+const LEARNING: f64 = 1.5;
+/// Largest share of one observation.
+const MOST_LEARNING: f64 = 0.3;
 
 impl Witness {
-    /// Judges the choice of the last search, and the other candidates; returns what speaks for the choice, `None` if there is none. Asked
-    /// for by a box in frame pixels: its `motion`, which is its distance from where it was expected, and its `colors`.
+    /// Judges the choice of the tracker's last search and the other candidates; returns what speaks
+    /// for the choice, `None` without one. The closures say of a box in frame pixels how far it is
+    /// from where the target was expected, how far it has the target's colors, and whether it shows
+    /// nothing.
     pub(crate) fn judge(
         &mut self,
-        network: &Network,
-        selector: &Selector,
-        response: &[f32],
-        seen: &Seen,
+        tracker: &Tracker,
         motion: impl Fn(&FrameBox) -> f64,
         mut colors: impl FnMut(&FrameBox) -> f64,
+        is_blank: impl Fn(&FrameBox) -> bool,
     ) -> Option<Finding> {
         self.candidates.clear();
         self.findings.clear();
+        let seen = tracker.seen()?;
         let choice = seen.choice?;
-        let outputs = network.outputs();
-        let (template, search) = network.identity();
+        let selector = tracker.selector();
+        let outputs = tracker.network().outputs();
+        let (template, search) = tracker.network().identity();
         search.channel_means(&mut self.mean);
         let sharpness = sharpness(&outputs.score);
 
+        let response = tracker.response();
         candidates::find(outputs, selector, response, &choice, &mut self.peaks);
         let peaks = std::mem::take(&mut self.peaks);
         // The chosen one last, so that `window` holds its features.
@@ -232,6 +240,7 @@ impl Witness {
                 bbox,
                 score: peak.score as f32,
                 evidence,
+                is_blank: is_blank(&bbox),
             });
         }
         self.peaks = peaks;
@@ -241,7 +250,8 @@ impl Witness {
         self.findings.first().copied()
     }
 
-    /// Fills in what each finding's evidence says of the other candidates. Findings are the first of the candidates: those left out score least.
+    /// Fills in what each finding's evidence says of the other candidates. Findings are the first
+    /// of the candidates: those left out score least.
     fn compare(&mut self) {
         let (peaks, candidates) = (&self.peaks, &self.candidates);
         for (i, finding) in self.findings.iter_mut().enumerate() {
@@ -264,9 +274,10 @@ impl Witness {
         }
     }
 
-    /// Takes the last judged box for the target as it looks now, as far as `presence` says so.
-    pub(crate) fn learn(&mut self, evidence: &Evidence, presence: f64) {
-        let rate = LEARNING * presence as f32;
+    /// Takes the last judged box for the target as it looks now, as far as `presence` says so; `dt`
+    /// seconds have gone by since the last frame.
+    pub(crate) fn learn(&mut self, evidence: &Evidence, presence: f64, dt: f64) {
+        let rate = ((LEARNING * dt).min(MOST_LEARNING) * presence) as f32;
         if self.familiar.len() != self.window.len() {
             self.familiar.clone_from(&self.window);
         }
@@ -279,8 +290,9 @@ impl Witness {
         *usual_identity += f64::from(rate) * (identity - *usual_identity);
     }
 
-    /// Cosine of the template with the features around a box given in crop pixels, without and with the common mean; the
-    /// best of the nine places around the box. Leaves the features of that place in `window`.
+    /// Cosine of the template with the features around a box given in crop pixels, without and with
+    /// the common mean, at the best of the nine places around the box. Leaves the features of that
+    /// place in `window`.
     fn similarity(
         &mut self,
         template: &Map,
@@ -321,7 +333,8 @@ fn inner(side: usize) -> usize {
     usize::from(side >= 4)
 }
 
-/// Cosine of the template's inner features with the search region's at an offset: less the mean, and plain.
+/// Cosine of the template's inner features with the search region's at an offset: less the mean,
+/// and plain.
 fn compare(template: &Map, search: &Map, mean: &[f32], y: usize, x: usize) -> (f64, f64) {
     let (side, reach, channels) = (template.size().h, search.size().w, template.channels());
     let edge = inner(side);
@@ -356,7 +369,8 @@ pub(crate) fn log_odds(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
 }
 
-/// `ln((max - min)^2 / mean((s - min)^2))`: average peak-to-correlation energy (Wang, Liu, Huang, CVPR 2017).
+/// `ln((max - min)^2 / mean((s - min)^2))`: average peak-to-correlation energy (Wang, Liu, Huang,
+/// CVPR 2017).
 fn sharpness(scores: &[f32]) -> f64 {
     let finite = || scores.iter().copied().filter(|s| s.is_finite());
     let (least, most) = (
@@ -405,7 +419,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lone_peak_is_sharper_than_a_plateau() {
+    fn lone_peak_is_sharper_than_a_plateau() {
         let mut lone = vec![0.01f32; 289];
         lone[144] = 0.9;
         let plateau: Vec<f32> = (0..289)
@@ -417,14 +431,14 @@ mod tests {
     }
 
     #[test]
-    fn cosine_of_vectors() {
+    fn parallel_vectors_have_cosine_one_and_orthogonal_ones_zero() {
         assert!((cosine(&[1.0, 2.0], &[2.0, 4.0]) - 1.0).abs() < 1e-6);
         assert_eq!(cosine(&[1.0, 0.0], &[0.0, 3.0]), 0.0);
         assert_eq!(cosine(&[0.0; 3], &[1.0; 3]), 0.0);
     }
 
     #[test]
-    fn log_odds_stay_finite() {
+    fn certain_probabilities_have_finite_log_odds() {
         assert_eq!(log_odds(0.5), 0.0);
         assert!(log_odds(0.0).is_finite() && (log_odds(1.0) + log_odds(0.0)).abs() < 1e-9);
     }

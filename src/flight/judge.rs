@@ -7,16 +7,16 @@ use super::evidence::{Evidence, Finding, Witness};
 use super::presence::{Presence, Smoothed};
 use super::rivals::Rivals;
 use super::target::Target;
+use super::texture::is_blank;
 use crate::bbox::FrameBox;
 use crate::frame::Frame;
 use crate::tracker::Tracker;
 
-/// Log-odds against a finding that a known rival claims: most of what is known to be a rival is one.
+/// Log-odds against a finding that a known rival claims: most of what is known to be a rival is
+/// one.
 const CLAIMED: f64 = 3.0;
-/// Share of the chosen box's score that a rival must have to be taken in its place.
-const RIVAL_SCORE: f32 = 0.5;
-/// Most that such a rival's similarity may fall behind the chosen box's.
-const RIVAL_SIMILARITY: f32 = 0.1;
+/// Log-odds of whatever a picture that shows nothing seems to show.
+const NOTHING: f64 = -8.0;
 
 /// Everything that is known of the target's appearance, and of the objects around it.
 #[derive(Debug)]
@@ -27,6 +27,10 @@ pub(super) struct Judge {
     pub colors: Colors,
     smoothed: Smoothed,
     evidence: Option<Evidence>,
+    /// Whether the target was blank when it was given.
+    nothing_to_know: bool,
+    /// Whether the present picture has nothing in common with the one before.
+    nothing_to_see: bool,
 }
 
 impl Judge {
@@ -38,18 +42,23 @@ impl Judge {
             colors: Colors::default(),
             smoothed: Smoothed::default(),
             evidence: None,
+            nothing_to_know: false,
+            nothing_to_see: false,
         }
     }
 
     /// Starts anew with the target in `bbox`.
     pub(super) fn begin(&mut self, frame: &Frame<'_>, bbox: &FrameBox) {
         *self = Judge::new(self.presence);
-        self.colors.learn(frame, bbox, 1.0);
+        self.colors.learn(frame, bbox, 1.0, 0.0);
+        self.nothing_to_know = is_blank(frame, bbox);
     }
 
-    /// Carries the rivals into the next frame.
-    pub(super) fn predict(&mut self, motion: &Motion) {
-        self.rivals.predict(motion);
+    /// Carries the rivals into the next frame, `dt` seconds later. A picture that has nothing in
+    /// common with the one before is `noise`.
+    pub(super) fn predict(&mut self, motion: &Motion, dt: f64, noise: bool) {
+        self.rivals.predict(motion, dt);
+        self.nothing_to_see = noise;
     }
 
     /// What speaks for the choice of the tracker's last search, which looked at `frame`; its motion
@@ -62,20 +71,42 @@ impl Judge {
     ) -> Option<Finding> {
         let motion = |bbox: &FrameBox| expected.map_or(0.0, |target| target.away(bbox));
         let finding = self.witness.judge(
-            tracker.network(),
-            tracker.selector(),
-            tracker.response(),
-            tracker.seen()?,
+            tracker,
             motion,
             |bbox| self.colors.likeness(frame, bbox),
+            |bbox| is_blank(frame, bbox),
         );
         self.evidence = finding.map(|finding| finding.evidence);
         finding
     }
 
-    /// Presence after a look with these log-odds.
-    pub(super) fn smooth(&mut self, log_odds: f64) -> f64 {
-        self.smoothed.add(&self.presence, log_odds)
+    /// Whether a finding is evidence of nothing: there is nothing to be seen, or nothing to compare
+    /// it with.
+    pub(super) fn is_nothing(&self, finding: &Finding) -> bool {
+        finding.is_blank || self.nothing_to_know || self.nothing_to_see
+    }
+
+    /// Log-odds of a finding by its appearance, for a target that was seen just before.
+    pub(super) fn look_odds(&self, finding: &Finding) -> f64 {
+        if self.is_nothing(finding) {
+            NOTHING
+        } else {
+            self.presence.look.log_odds(&finding.evidence)
+        }
+    }
+
+    /// Log-odds of a finding by its appearance, for a target that has been gone for a while.
+    pub(super) fn again_odds(&self, finding: &Finding) -> f64 {
+        if self.is_nothing(finding) {
+            NOTHING
+        } else {
+            self.presence.again.log_odds(&finding.evidence)
+        }
+    }
+
+    /// Presence after a look with these log-odds, `dt` seconds after the last.
+    pub(super) fn smooth(&mut self, log_odds: f64, dt: f64) -> f64 {
+        self.smoothed.add(&self.presence, log_odds, dt)
     }
 
     /// Forgets the presence of the frames before.
@@ -85,7 +116,7 @@ impl Judge {
 
     /// Log-odds that a finding is the target, by its appearance and by its place.
     pub(super) fn belief(&self, finding: &Finding, target: &Target) -> f64 {
-        let appearance = self.presence.again.log_odds(&finding.evidence);
+        let appearance = self.again_odds(finding);
         let claimed = if self.is_claimed(&finding.bbox, target) {
             CLAIMED
         } else {
@@ -106,25 +137,9 @@ impl Judge {
             .observe(&self.witness.candidates, &target.motion, seen);
     }
 
-    /// The best other candidate where the target can be, if it looks as much like the target as the
-    /// chosen one: two similar objects cross.
-    pub(super) fn alternative(&self, target: &Target) -> Option<FrameBox> {
-        let (chosen, others) = self.witness.candidates.split_first()?;
-        let mut best: Option<&Candidate> = None;
-        for other in others {
-            let alike = other.score >= RIVAL_SCORE * chosen.score
-                && other.similarity >= chosen.similarity - RIVAL_SIMILARITY;
-            let better = best.is_none_or(|best| other.score >= best.score);
-            if alike && better && target.can_be_at(&other.bbox.center()) {
-                best = Some(other);
-            }
-        }
-        best.map(|candidate| candidate.bbox.center())
-    }
-
     /// Learns the target's appearance from what was last examined, with some `trust` in `[0, 1]`.
-    pub(super) fn learn(&mut self, evidence: &Evidence, trust: f64) {
-        self.witness.learn(evidence, trust);
+    pub(super) fn learn(&mut self, evidence: &Evidence, trust: f64, dt: f64) {
+        self.witness.learn(evidence, trust, dt);
     }
 
     /// All findings of the last search, the chosen one first.
@@ -142,13 +157,9 @@ impl Judge {
         self.evidence.as_ref()
     }
 
-    /// Puts the evidence of an earlier finding back, in place of that of a search without consequence.
+    /// Puts the evidence of an earlier finding back, in place of that of a search without
+    /// consequence.
     pub(super) fn restore(&mut self, evidence: Option<Evidence>) {
         self.evidence = evidence;
-    }
-
-    /// Drops the candidates of a search without consequence.
-    pub(super) fn drop_candidates(&mut self) {
-        self.witness.candidates.clear();
     }
 }

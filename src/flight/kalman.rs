@@ -1,38 +1,45 @@
-//! Where the target goes on its own: a constant-velocity Kalman filter in the scene's frame of reference.
+//! The target's own motion: a constant-velocity Kalman filter in the scene's frame of reference.
 //!
-//! Positions are in frame pixels; [`Motion`] carries them from one frame to the next before the filter predicts, so
-//! that its velocity is the target's own and not the camera's. State per axis: position and velocity; source: Bar-Shalom,
-//! Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation", section 6.3 (white-noise acceleration).
+//! Positions are in frame pixels. [`Motion`] carries them from one frame to the next before the
+//! filter predicts, so that its velocity is the target's own and not the camera's. The state per
+//! axis is position and velocity. Source: Bar-Shalom, Li, Kirubarajan, "Estimation with
+//! Applications to Tracking and Navigation", section 6.2 (continuous white-noise acceleration).
 
 use super::camera::Motion;
 use crate::bbox::FrameBox;
 use std::f64::consts::TAU;
 
-/// Standard deviation of the acceleration, in target sides per frame squared.
-const ACCELERATION: f64 = 0.008;
-/// Standard deviation of what the camera's motion leaves unexplained, in target sides per frame.
-const WANDER: f64 = 0.02;
+/// Density of the white-noise acceleration, in squared target sides per cubed second.
+const ACCELERATION: f64 = 1.7;
+/// Growth of the position's variance that the camera's motion leaves unexplained, in squared target
+/// sides per second.
+const WANDER: f64 = 0.012;
+/// Standard deviation of the velocity of a target that was just given, in target sides per second.
+const VELOCITY: f64 = 3.0;
 /// Standard deviation of a measured center, in target sides.
 const MEASUREMENT: f64 = 0.05;
-/// The gate: so many target sides, for what the model of motion leaves out, and so many standard deviations.
+/// Target sides of the gate that allow for what the model of motion leaves out.
 const SLACK: f64 = 1.2;
+/// Standard deviations of the gate.
 const SIGMAS: f64 = 4.0;
-/// Predictions are mostly better than their variance says: by this factor,
+/// Factor by which predictions are mostly better than their variance says.
 const USUAL: f64 = 0.33;
-/// but not always: share of those that are as bad.
+/// Share of predictions that are as bad as their variance says.
 const RARE: f64 = 0.25;
 /// Least standard deviation of a prediction, in target sides.
 const LEAST: f64 = 0.3;
-/// Chance, per square of its side, that the target is anywhere; it grows with the variance,
+/// Chance, per square of its side, that the target is anywhere; it grows with the variance.
 const ANYWHERE: f64 = 1e-4;
-/// but not beyond that of a target that is somewhere in the view.
+/// Most that this chance grows to: that of a target that is somewhere in the view.
 const VIEW: f64 = 0.003;
 /// Objects that look like the target, per square of its side.
 const LOOK_ALIKES: f64 = 0.01;
-/// Share of a new observation in the running mean of surprises.
-const AGILITY_RATE: f64 = 0.1;
-/// Share of the velocity that is kept per frame without a measurement: far predictions slow down.
-const KEPT_VELOCITY: f64 = 0.99;
+/// Share of a new observation in the running mean of surprises, per second since the last one.
+const AGILITY_RATE: f64 = 3.0;
+/// Largest share of one observation in that mean.
+const MOST_AGILITY: f64 = 0.3;
+/// Share of the velocity that is kept per second without a measurement: far predictions slow down.
+const KEPT_VELOCITY: f64 = 0.74;
 
 /// Position and velocity along one axis with their covariance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,13 +50,14 @@ struct Axis {
 }
 
 impl Axis {
-    fn predict(&mut self, acceleration: f64, wander: f64) {
+    /// Goes on for `dt` seconds; `acceleration` and `wander` are densities.
+    fn predict(&mut self, acceleration: f64, wander: f64, dt: f64) {
         let [p, c, v] = self.variance;
-        let q = acceleration * acceleration;
-        self.position += self.velocity;
+        let q = acceleration * dt;
+        self.position += self.velocity * dt;
         self.variance = [
-            p + 2.0 * c + v + q / 4.0 + wander * wander,
-            c + v + q / 2.0,
+            p + 2.0 * c * dt + v * dt * dt + q * dt * dt / 3.0 + wander * dt,
+            c + v * dt + q * dt / 2.0,
             v + q,
         ];
     }
@@ -71,7 +79,8 @@ pub(crate) struct Kalman {
     y: Axis,
     w: f64,
     h: f64,
-    agility: f64, // running mean of how far the target was from where it should be, in its sides
+    agility: f64, // running mean of the target's distance from its predicted place, in its sides
+    since: f64,   // seconds since the last measurement
 }
 
 impl Kalman {
@@ -79,7 +88,7 @@ impl Kalman {
     pub(crate) fn new(bbox: &FrameBox) -> Kalman {
         let (w, h) = (f64::from(bbox.w), f64::from(bbox.h));
         let side = (w * h).sqrt();
-        let variance = [(MEASUREMENT * side).powi(2), 0.0, (0.1 * side).powi(2)];
+        let variance = [(MEASUREMENT * side).powi(2), 0.0, (VELOCITY * side).powi(2)];
         let axis = |position: f32| Axis {
             position: position.into(),
             velocity: 0.0,
@@ -91,6 +100,7 @@ impl Kalman {
             w,
             h,
             agility: 0.0,
+            since: 0.0,
         }
     }
 
@@ -98,8 +108,9 @@ impl Kalman {
         (self.w * self.h).sqrt().max(1.0)
     }
 
-    /// Carries the state into the next frame: the camera's motion, then the target's own.
-    pub(crate) fn predict(&mut self, motion: &Motion) {
+    /// Carries the state into the next frame, `dt` seconds later: the camera's motion, then the
+    /// target's own.
+    pub(crate) fn predict(&mut self, motion: &Motion, dt: f64) {
         let (cx, cy) = motion.apply(self.x.position, self.y.position);
         let (vx, vy) = motion.turn(self.x.velocity, self.y.velocity);
         (
@@ -108,14 +119,17 @@ impl Kalman {
             self.x.velocity,
             self.y.velocity,
         ) = (cx, cy, vx, vy);
-        let (acceleration, wander) = (ACCELERATION * self.side(), WANDER * self.side());
-        self.x.predict(acceleration, wander);
-        self.y.predict(acceleration, wander);
+        let area = self.side() * self.side();
+        self.x.predict(ACCELERATION * area, WANDER * area, dt);
+        self.y.predict(ACCELERATION * area, WANDER * area, dt);
+        self.since += dt;
     }
 
     /// Learns where the target was seen; the less `trust` in `(0, 1]`, the less it moves.
     pub(crate) fn correct(&mut self, bbox: &FrameBox, trust: f64) {
-        self.agility += AGILITY_RATE * trust * (self.distance(bbox) - self.agility);
+        let rate = (AGILITY_RATE * self.since).min(MOST_AGILITY);
+        self.agility += rate * trust * (self.distance(bbox) - self.agility);
+        self.since = 0.0;
         // A half hidden target's box is off by a good part of its side.
         let variance = (MEASUREMENT * self.side() / trust.powi(2).clamp(0.01, 1.0)).powi(2);
         self.x.correct(bbox.cx.into(), variance);
@@ -127,13 +141,21 @@ impl Kalman {
         (self.w, self.h) = (bbox.w.into(), bbox.h.into());
     }
 
-    /// A frame has gone by in which the target was not seen.
-    pub(crate) fn coast(&mut self) {
-        self.x.velocity *= KEPT_VELOCITY;
-        self.y.velocity *= KEPT_VELOCITY;
+    /// `dt` seconds have gone by in which the target was not seen.
+    pub(crate) fn coast(&mut self, dt: f64) {
+        let kept = KEPT_VELOCITY.powf(dt);
+        self.x.velocity *= kept;
+        self.y.velocity *= kept;
     }
 
-    /// Keeps the center within half a frame around the frame, so that a drifting guess stays of use.
+    /// Goes on from another place with the same velocity.
+    pub(crate) fn move_to(&mut self, bbox: &FrameBox) {
+        self.x.position = bbox.cx.into();
+        self.y.position = bbox.cy.into();
+    }
+
+    /// Keeps the center within half a frame around the frame, so that a drifting guess stays of
+    /// use.
     pub(crate) fn bound(&mut self, width: usize, height: usize) {
         let (width, height) = (width as f64, height as f64);
         self.x.position = self.x.position.clamp(-0.5 * width, 1.5 * width);
@@ -162,8 +184,9 @@ impl Kalman {
         self.x.variance[0].max(self.y.variance[0]).sqrt() / self.side()
     }
 
-    /// Log of how much likelier it is to find the target there than something that looks like it: by the distance from the
-    /// prediction, which is mostly better than its variance says, sometimes as bad, and rarely of no use at all.
+    /// Log of how much likelier it is to find the target there than something that looks like it,
+    /// by the distance from the prediction, which is mostly better than its variance says,
+    /// sometimes as bad, and rarely of no use at all.
     pub(crate) fn log_ratio(&self, bbox: &FrameBox) -> f64 {
         let (d, spread) = (self.distance(bbox), self.spread());
         let density = |spread: f64| (-0.5 * (d / spread).powi(2)).exp() / (TAU * spread * spread);
@@ -187,6 +210,8 @@ impl Kalman {
 mod tests {
     use super::*;
 
+    const FRAME: f64 = 1.0 / 30.0;
+
     fn at(cx: f32, cy: f32) -> FrameBox {
         FrameBox {
             cx,
@@ -200,21 +225,21 @@ mod tests {
     fn standing() -> Kalman {
         let mut kalman = Kalman::new(&at(100.0, 50.0));
         for _ in 0..30 {
-            kalman.predict(&Motion::default());
+            kalman.predict(&Motion::default(), FRAME);
             kalman.correct(&at(100.0, 50.0), 1.0);
         }
         kalman
     }
 
     #[test]
-    fn learns_a_velocity_and_goes_on_with_it() {
+    fn moving_target_is_predicted_with_its_velocity() {
         let mut kalman = Kalman::new(&at(100.0, 50.0));
         for step in 1..=30 {
-            kalman.predict(&Motion::default());
+            kalman.predict(&Motion::default(), FRAME);
             kalman.correct(&at(100.0 + 3.0 * step as f32, 50.0 - step as f32), 1.0);
         }
         for _ in 0..10 {
-            kalman.predict(&Motion::default());
+            kalman.predict(&Motion::default(), FRAME);
         }
         let end = kalman.bbox();
         assert!(
@@ -225,17 +250,17 @@ mod tests {
     }
 
     #[test]
-    fn the_cameras_motion_is_not_the_targets() {
+    fn panning_camera_gives_a_still_target_no_velocity() {
         let mut kalman = Kalman::new(&at(100.0, 50.0));
         let pan = Motion::shift(-7.0, 2.0);
         for step in 1..=20 {
-            kalman.predict(&pan);
+            kalman.predict(&pan, FRAME);
             kalman.correct(
                 &at(100.0 - 7.0 * step as f32, 50.0 + 2.0 * step as f32),
                 1.0,
             );
         }
-        kalman.predict(&Motion::default());
+        kalman.predict(&Motion::default(), FRAME);
         let still = kalman.bbox();
         assert!(
             (still.cx + 40.0).abs() < 0.5 && (still.cy - 90.0).abs() < 0.5,
@@ -244,34 +269,34 @@ mod tests {
     }
 
     #[test]
-    fn distrusted_measurements_move_it_less() {
+    fn distrusted_measurement_moves_the_filter_less() {
         let (mut trusting, mut wary) = (Kalman::new(&at(0.0, 0.0)), Kalman::new(&at(0.0, 0.0)));
         for (kalman, trust) in [(&mut trusting, 1.0), (&mut wary, 0.05)] {
-            kalman.predict(&Motion::default());
+            kalman.predict(&Motion::default(), FRAME);
             kalman.correct(&at(10.0, 0.0), trust);
         }
         assert!(wary.bbox().cx < 0.3 * trusting.bbox().cx);
     }
 
     #[test]
-    fn the_gate_opens_while_nothing_is_seen() {
+    fn unseen_target_has_a_growing_gate() {
         let mut kalman = standing();
         let seen = kalman.gate();
         assert!((SLACK..2.0).contains(&seen), "{seen}");
         for _ in 0..60 {
-            kalman.predict(&Motion::default());
+            kalman.predict(&Motion::default(), FRAME);
         }
         assert!(kalman.gate() > 4.0, "{}", kalman.gate());
     }
 
     #[test]
-    fn a_place_speaks_for_the_target_as_long_as_it_is_near_the_prediction() {
+    fn place_near_the_prediction_speaks_for_the_target() {
         let mut kalman = standing();
         let away = |kalman: &Kalman, sides: f32| kalman.log_ratio(&at(100.0 + sides * 14.14, 50.0));
         assert!(away(&kalman, 0.0) > 2.0 && away(&kalman, 3.0) < -4.0);
         let soon = (away(&kalman, 0.0), away(&kalman, 3.0));
         for _ in 0..60 {
-            kalman.predict(&Motion::default());
+            kalman.predict(&Motion::default(), FRAME);
         }
         let late = (away(&kalman, 0.0), away(&kalman, 3.0));
         assert!(late.0 < soon.0 && late.1 > soon.1, "{soon:?} {late:?}");
@@ -279,10 +304,10 @@ mod tests {
     }
 
     #[test]
-    fn stays_near_the_frame() {
+    fn drifting_prediction_stays_near_the_frame() {
         let mut kalman = Kalman::new(&at(0.0, 0.0));
         for _ in 0..100 {
-            kalman.predict(&Motion::shift(900.0, -900.0));
+            kalman.predict(&Motion::shift(900.0, -900.0), FRAME);
             kalman.bound(640, 360);
         }
         let end = kalman.bbox();

@@ -1,8 +1,8 @@
 //! Tracking in flight: knows when the target is lost, coasts through occlusions, finds it again.
 //!
-//! [`FlightTracker`] wraps the plain [`Tracker`]. While the target is surely there its boxes are that
-//! tracker's, bit for bit; every box comes with a `presence`, the calibrated probability that it is
-//! on the target. A frame takes five steps: predict, observe, judge, decide, act.
+//! [`FlightTracker`] wraps the plain [`Tracker`]. While the target is surely there its boxes are
+//! that tracker's, bit for bit; every box comes with a `presence`, the calibrated probability that
+//! it is on the target. A frame takes five steps: predict, observe, judge, decide, act.
 //!
 //! | file | contents |
 //! |---|---|
@@ -30,16 +30,18 @@ mod search;
 mod state;
 mod sweep;
 mod target;
+mod texture;
+
+use std::time::Duration;
 
 use crate::bbox::{BBox, FrameBox};
 use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
 use crate::tracker::{SearchRegion, Track, Tracker, TrackerOptions};
-use camera::{CameraMotion, Motion};
+use camera::CameraMotion;
 use evidence::Finding;
 use judge::Judge;
-use kalman::Kalman;
 use search::{Allowance, Means, Outcome, Search};
 use state::{Limits, Sighting, Standing};
 use target::Target;
@@ -64,16 +66,29 @@ pub struct FlightTracker {
     presence: f64, // of the last frame
 }
 
-/// Frames of [`State::Reacquired`] before [`State::Tracking`].
-const FRESH: u32 = 10;
+/// Seconds of [`State::Reacquired`] before [`State::Tracking`].
+const FRESH: f64 = 0.33;
 /// Log-odds below which a re-acquisition is taken back.
 const REFUTED: f64 = -2.0;
-/// Likeness of colors below which something that is likelier not the target is another object.
-const FOREIGN: f64 = 0.7;
+/// Presence from which on the plain tracker learns: what hides the target must not be learned, but a
+/// target that is only likely must, lest the tracker be worse than on its own.
+const LEARNED_FROM: f64 = 0.4;
+/// Score below which a look at the target's place is empty, if the filter agrees.
+const EMPTY_SCORE: f64 = 0.3;
+/// Response of the filter below which it agrees.
+const EMPTY_RESPONSE: f64 = 0.3;
+/// Log-odds by which another place must look more like the target than what is followed.
+const BETTER: f64 = 1.0;
+/// Distance from the predicted place, in target sides, from which on coasting starts at the last
+/// box.
+const STRAYED: f64 = 1.5;
+/// Shortest and longest time from frame to frame that counts, in seconds.
+const ELAPSED: (f64, f64) = (1.0 / 240.0, 1.0);
 
 /// What the plain tracker followed in one frame.
 #[derive(Clone, Copy, Debug)]
 struct Sight {
+    before: Option<FrameBox>, // where the target was
     track: Track,
     finding: Option<Finding>,
     slipped: bool, // the target had left the search region
@@ -85,23 +100,12 @@ struct Verdict {
     bbox: FrameBox,
     /// Smoothed presence.
     presence: f64,
-    /// Presence where it counts for learning: the smoothed one lags while the target is being hidden.
+    /// Presence where it counts for learning: the smoothed one lags while the target is being
+    /// hidden.
     trust: f64,
     sighting: Sighting,
-    jump: Jump,
-}
-
-/// What a choice out of the target's reach means.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Jump {
-    /// It is within reach.
-    None,
-    /// It is the target, after frames in which it could hardly be seen.
-    Regained,
-    /// It is a similar object that crosses the target, which is the other candidate.
-    Swapped(FrameBox),
-    /// It is another object, and the target is behind it.
-    Impossible,
+    /// Whether the picture shows nothing at all.
+    nothing: bool,
 }
 
 impl FlightTracker {
@@ -156,129 +160,103 @@ impl FlightTracker {
         Ok(())
     }
 
-    /// Finds the target in the next frame, or says that it is not there.
+    /// Finds the target in the next frame, or says that it is not there. The frame comes at the
+    /// rate of the options.
     ///
     /// # Errors
     /// If there is no target yet.
     pub fn update(&mut self, frame: &Frame<'_>, budget: Budget) -> Result<FlightTrack, TrackError> {
+        let elapsed = 1.0 / self.options.fps.clamp(1.0, 1000.0);
+        self.update_after(Duration::from_secs_f64(elapsed), frame, budget)
+    }
+
+    /// Finds the target in a frame that was taken so long after the last one.
+    ///
+    /// # Errors
+    /// If there is no target yet.
+    pub fn update_after(
+        &mut self,
+        elapsed: Duration,
+        frame: &Frame<'_>,
+        budget: Budget,
+    ) -> Result<FlightTrack, TrackError> {
         let mut allowance = Allowance::start(budget);
         let mut target = self.target.ok_or(TrackError::NoTarget)?;
-        let motion = self.predict(frame, &mut target);
+        self.predict(elapsed, frame, &mut target);
         if self.standing.state.is_seen() {
             let sight = self.observe(frame, &target)?;
-            let verdict = self.judge(&sight, &target);
+            let verdict = self.judge(&sight);
             self.act(frame, &sight, &verdict, &mut target);
             allowance.spend();
             if self.is_searched_beside() {
-                self.search_beside(frame, &motion, &mut target, &mut allowance)?;
+                self.search_beside(frame, &mut target, &mut allowance)?;
             }
         } else {
-            self.seek(frame, &motion, &mut target, &mut allowance)?;
+            self.seek(frame, &mut target, &mut allowance)?;
         }
         self.target = Some(target);
         Ok(self.report(frame, &target, allowance.spent()))
     }
 
-    /// Carries all that is remembered into the next frame; returns how the picture moved.
-    fn predict(&mut self, frame: &Frame<'_>, target: &mut Target) -> Motion {
+    /// Carries all that is remembered into the next frame.
+    fn predict(&mut self, elapsed: Duration, frame: &Frame<'_>, target: &mut Target) {
+        let dt = elapsed.as_secs_f64().clamp(ELAPSED.0, ELAPSED.1);
+        let resized = self.tracker.adapt_to(frame).is_some_and(|c| c.from != c.to);
+        if resized && let Some(bbox) = self.tracker.target_box() {
+            // Nothing else that is remembered holds in other pixels.
+            *target = Target::new(&bbox);
+            self.judge.rivals.clear();
+            self.search.give_up();
+        }
         let motion = self.camera.observe(frame, Some(&target.motion.bbox()));
-        target.predict(&motion);
-        self.judge.predict(&motion);
-        self.standing.tick();
-        motion
+        target.predict(&motion, dt);
+        self.judge.predict(&motion, dt, self.camera.is_noise());
+        self.search.predict(&motion, dt);
+        self.standing.tick(dt);
     }
 
-    /// The plain tracker's look at the frame.
+    /// The plain tracker's look at the frame, and its wider look if the target may have left the
+    /// search region.
     fn observe(&mut self, frame: &Frame<'_>, target: &Target) -> Result<Sight, TrackError> {
         let before = self.tracker.target_box();
-        let careful = self.options.conduct != Conduct::Tell;
-        let track = if careful {
-            self.tracker.find(frame)?
-        } else {
-            self.tracker.update(frame)?
-        };
-        let finding = self.judge.examine(&self.tracker, frame, Some(target));
-        let slipped = careful && self.tracker.has_slipped(&track);
-        let wider = match before {
-            Some(before) if slipped => self.look_wider(frame, before, &track, target),
-            _ => None,
-        };
-        Ok(wider.unwrap_or(Sight {
+        let track = self.tracker.find(frame)?;
+        let mut sight = Sight {
+            before,
             track,
-            finding,
-            slipped,
-        }))
-    }
-
-    /// The plain tracker's wider look for a target that may have left the search region around where
-    /// it was `before`, if what it finds looks right and the target can be there. If not, the box
-    /// stays at `track`.
-    fn look_wider(
-        &mut self,
-        frame: &Frame<'_>,
-        before: FrameBox,
-        track: &Track,
-        target: &Target,
-    ) -> Option<Sight> {
-        let evidence = self.judge.evidence().copied();
-        let wider = self.tracker.look_wider(frame, before)?;
-        let finding = self.judge.examine(&self.tracker, frame, Some(target));
-        let finding = finding.filter(|finding| {
-            let appearance = self.judge.presence.again.alone(&finding.evidence);
-            let is_alike =
-                appearance >= self.options.present && !self.judge.is_claimed(&finding.bbox, target);
-            target.can_be_at(&finding.bbox)
-                && (is_alike || self.judge.belief(finding, target) >= 0.0)
-        });
-        if finding.is_none() {
-            self.tracker.place(track.bbox.center());
-            self.judge.drop_candidates();
-            self.judge.restore(evidence);
+            finding: self.judge.examine(&self.tracker, frame, Some(target)),
+            slipped: self.tracker.has_slipped(&track),
+        };
+        if let Some(before) = before.filter(|_| sight.slipped)
+            && let Some(wider) = self.tracker.look_wider(frame, before)
+        {
+            sight.track = wider;
+            sight.finding = self.judge.examine(&self.tracker, frame, Some(target));
         }
-        finding.map(|finding| Sight {
-            track: wider,
-            finding: Some(finding),
-            slipped: true,
-        })
+        Ok(sight)
     }
 
     /// Whether what was seen is the target.
-    fn judge(&mut self, sight: &Sight, target: &Target) -> Verdict {
+    fn judge(&mut self, sight: &Sight) -> Verdict {
         let mut verdict = Verdict {
             bbox: sight.track.bbox.center(),
             presence: 0.0,
             trust: 0.0,
             sighting: Sighting::Absent,
-            jump: Jump::None,
+            nothing: true,
         };
         let Some(finding) = &sight.finding else {
             return verdict;
         };
-        let Presence { look, again, .. } = self.judge.presence;
-        let mut log_odds = look.log_odds(&finding.evidence);
-        if !self.standing.is_calm() {
-            // Nothing has been learned since the doubt: the target may look as it does after a while.
-            log_odds = log_odds.max(again.log_odds(&finding.evidence));
-        }
-        verdict.presence = self.judge.smooth(log_odds);
-        verdict.jump = self.jump(finding, target);
-        match verdict.jump {
-            Jump::None | Jump::Regained => {}
-            Jump::Swapped(other) => {
-                verdict.bbox.cx = other.cx;
-                verdict.bbox.cy = other.cy;
-            }
-            Jump::Impossible => verdict.presence = verdict.presence.min(self.options.absent),
-        }
-        verdict.trust = verdict.presence.min(look.alone(&finding.evidence));
-        let recovers = self.options.conduct == Conduct::Recover;
-        let is_doubtful = verdict.presence < self.options.present;
-        let is_foreign = recovers && finding.evidence.colors < FOREIGN;
-        verdict.sighting = if verdict.jump == Jump::Impossible {
-            Sighting::Impossible
-        } else if verdict.presence < self.options.absent || is_doubtful && is_foreign {
+        let look = self.judge.look_odds(finding);
+        verdict.nothing = self.judge.is_nothing(finding);
+        verdict.presence = self.judge.smooth(look, self.standing.dt);
+        verdict.trust = verdict.presence.min(presence::sigmoid(look));
+        let is_empty = verdict.nothing
+            || f64::from(sight.track.score) < EMPTY_SCORE
+                && finding.evidence.response < EMPTY_RESPONSE;
+        verdict.sighting = if verdict.presence < self.options.absent && is_empty {
             Sighting::Absent
-        } else if is_doubtful {
+        } else if verdict.presence < self.options.present {
             Sighting::Doubtful
         } else {
             Sighting::Present
@@ -286,42 +264,14 @@ impl FlightTracker {
         verdict
     }
 
-    /// What a choice out of the target's reach means.
-    fn jump(&self, finding: &Finding, target: &Target) -> Jump {
-        let recovers = self.options.conduct == Conduct::Recover;
-        if !recovers || target.can_be_at(&finding.bbox) {
-            return Jump::None;
-        }
-        let appearance = self.judge.presence.look.alone(&finding.evidence);
-        let is_regained = self.standing.state == State::LowConfidence
-            && appearance >= self.options.absent
-            && !self.judge.is_claimed(&finding.bbox, target);
-        if is_regained {
-            return Jump::Regained;
-        }
-        match self.judge.alternative(target) {
-            Some(other) => Jump::Swapped(other),
-            None => Jump::Impossible,
-        }
-    }
-
     /// Moves on to the next state, and learns what may be learned.
     fn act(&mut self, frame: &Frame<'_>, sight: &Sight, verdict: &Verdict, target: &mut Target) {
         self.score = sight.track.score;
         self.presence = verdict.presence;
-        let Some(finding) = &sight.finding else {
-            self.decide(Sighting::Absent, target);
-            return;
-        };
-        match verdict.jump {
-            Jump::None => {}
-            Jump::Regained => target.motion = Kalman::new(&verdict.bbox),
-            Jump::Swapped(_) => self.tracker.place(verdict.bbox),
-            Jump::Impossible => {
-                self.judge.forget_presence();
-                self.decide(Sighting::Impossible, target);
-                return;
-            }
+        if verdict.nothing
+            && let Some(before) = sight.before
+        {
+            self.tracker.place(before);
         }
         if verdict.trust >= self.options.absent {
             target.motion.correct(&verdict.bbox, verdict.trust);
@@ -329,20 +279,20 @@ impl FlightTracker {
         if verdict.trust >= self.options.present {
             target.motion.resize(&verdict.bbox);
         }
-        if self.is_refuted(finding, &verdict.bbox, target) {
+        if let Some(finding) = &sight.finding
+            && self.is_refuted(finding, &verdict.bbox, target)
+        {
             return;
         }
         let sure = verdict.trust >= self.options.sure;
         self.judge.recognize(target, sure);
         target.drop_anchor(sure);
-        let ends_doubt = self.standing.count(verdict.presence >= f64::from(BELIEVED));
-        if ends_doubt {
+        let is_believed = verdict.presence >= f64::from(BELIEVED);
+        if self.standing.count(is_believed) {
             self.search.give_up();
         }
         self.decide(verdict.sighting, target);
-        if verdict.sighting == Sighting::Present {
-            self.learn(frame, sight, verdict, finding, target);
-        }
+        self.learn(frame, sight, verdict, target);
     }
 
     /// Takes the last re-acquisition back if what was found moves as the target never would have;
@@ -351,8 +301,7 @@ impl FlightTracker {
         let Some(before) = target.on_probation() else {
             return false;
         };
-        let appearance = self.judge.presence.again.log_odds(&finding.evidence);
-        let refuted = appearance + before.log_ratio(bbox) < REFUTED;
+        let refuted = self.judge.again_odds(finding) + before.log_ratio(bbox) < REFUTED;
         if refuted {
             self.judge.rivals.meet(bbox);
             self.decide(Sighting::Impossible, target);
@@ -361,32 +310,31 @@ impl FlightTracker {
         refuted
     }
 
-    /// Learns the appearance of a target that is present.
-    fn learn(
-        &mut self,
-        frame: &Frame<'_>,
-        sight: &Sight,
-        verdict: &Verdict,
-        finding: &Finding,
-        target: &Target,
-    ) {
-        if self.standing.is_calm() {
+    /// Learns the target's appearance. The plain tracker learns as it does on its own, lest it be
+    /// worse than on its own; what presence rests on is learned only from what is surely the
+    /// target.
+    fn learn(&mut self, frame: &Frame<'_>, sight: &Sight, verdict: &Verdict, target: &Target) {
+        let is_present = verdict.sighting == Sighting::Present;
+        if let Some(finding) = sight.finding.filter(|_| is_present)
+            && self.standing.is_calm()
+        {
+            let dt = self.standing.dt;
             // Light and looks change: a target that is only likely counts, too, but less.
             let trust = (2.0 * verdict.trust - 1.0).max(0.0) as f32;
-            self.judge.colors.learn(frame, &verdict.bbox, trust);
+            self.judge.colors.learn(frame, &verdict.bbox, trust, dt);
             if !sight.slipped {
-                self.judge.learn(&finding.evidence, verdict.trust);
+                self.judge.learn(&finding.evidence, verdict.trust, dt);
             }
         }
-        let careful = self.options.conduct != Conduct::Tell;
-        let in_place = verdict.jump == Jump::None && !sight.slipped;
-        if careful && in_place && !target.is_on_probation() {
+        let tells = self.options.conduct == Conduct::Tell;
+        let may_learn = verdict.trust >= LEARNED_FROM && !target.is_on_probation();
+        if !sight.slipped && !verdict.nothing && (tells || may_learn) {
             self.tracker.learn();
         }
     }
 
-    /// Moves on to the next state. Whoever starts to coast goes back to the motion of the last sure
-    /// frame.
+    /// Moves on to the next state. Coasting starts where the target should be by its motion, unless
+    /// the last box has strayed from there: then at that box.
     fn decide(&mut self, sighting: Sighting, target: &mut Target) {
         let recovers = self.options.conduct == Conduct::Recover;
         let limits = Limits {
@@ -396,7 +344,11 @@ impl FlightTracker {
         };
         let changes = self.standing.note(sighting, &limits);
         if changes && self.standing.state == State::Coasting {
-            *target = target.anchored();
+            if let Some(bbox) = self.tracker.target_box()
+                && target.away(&bbox) > STRAYED
+            {
+                target.motion.move_to(&bbox);
+            }
             self.search.give_up();
         }
     }
@@ -405,19 +357,18 @@ impl FlightTracker {
     fn seek(
         &mut self,
         frame: &Frame<'_>,
-        motion: &Motion,
         target: &mut Target,
         allowance: &mut Allowance,
     ) -> Result<(), TrackError> {
-        target.motion.coast();
+        target.motion.coast(self.standing.dt);
         target.motion.bound(frame.width(), frame.height());
         self.decide(Sighting::Unseen, target);
-        self.search.predict(motion);
         let outcome = self.search(frame, target, allowance)?;
         if let Some(finding) = &outcome.ahead {
-            let log_odds = self.judge.presence.look.log_odds(&finding.evidence);
+            let log_odds = self.judge.look_odds(finding);
+            let presence = self.judge.smooth(log_odds, self.standing.dt);
             self.score = finding.score;
-            self.presence = self.judge.smooth(log_odds).min(self.options.present);
+            self.presence = presence.min(self.options.present);
         }
         self.take_over(&outcome, target);
         Ok(())
@@ -431,20 +382,23 @@ impl FlightTracker {
     }
 
     /// Searches for the target where it should be since it was last surely seen, while the tracker
-    /// keeps following what is doubted.
+    /// keeps following what is doubted. Only a place that looks clearly better is taken instead.
     fn search_beside(
         &mut self,
         frame: &Frame<'_>,
-        motion: &Motion,
         target: &mut Target,
         allowance: &mut Allowance,
     ) -> Result<(), TrackError> {
-        self.search.predict(motion);
         let followed = self.tracker.target_box();
         let evidence = self.judge.evidence().copied();
         let anchored = target.anchored();
         let outcome = self.search(frame, &anchored, allowance)?;
-        if outcome.found.is_some() {
+        let again = self.judge.presence.again;
+        let odds = evidence.map_or(f64::NEG_INFINITY, |evidence| again.log_odds(&evidence));
+        let is_better = outcome
+            .found
+            .is_some_and(|(_, finding)| self.judge.again_odds(&finding) >= odds + BETTER);
+        if is_better {
             *target = anchored;
             self.take_over(&outcome, target);
             return Ok(());
@@ -480,8 +434,8 @@ impl FlightTracker {
         };
         *target = target.found(bbox);
         self.judge.forget_presence();
-        let log_odds = self.judge.presence.look.log_odds(&finding.evidence);
-        self.presence = self.judge.smooth(log_odds);
+        let log_odds = self.judge.look_odds(finding);
+        self.presence = self.judge.smooth(log_odds, self.standing.dt);
         self.score = finding.score;
         self.decide(Sighting::Found, target);
         self.search.give_up();
@@ -505,11 +459,7 @@ impl FlightTracker {
 
     /// Where the target should be, within the frame.
     fn predicted(&self, frame: &Frame<'_>, target: &Target) -> FrameBox {
-        let min_size = self.options.config.min_size;
-        target
-            .motion
-            .bbox()
-            .clamped(frame.width(), frame.height(), min_size)
+        self.tracker.clamped(frame, &target.motion.bbox())
     }
 
     /// Looks at one place without any consequence, for calibration: the box found there and what

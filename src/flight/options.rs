@@ -14,21 +14,23 @@ pub struct FlightOptions {
     pub threads: usize,
     /// Processor cores that they are held on.
     pub cores: Cores,
-    /// Hyper-parameters of the paper's tracker.
+    /// Hyper-parameters of the plain tracker.
     pub config: TrackConfig,
     /// Presence from which on the target counts as seen.
     pub present: f64,
     /// Presence from which on its motion is believed.
     pub sure: f64,
-    /// Presence below which it counts as gone.
+    /// Presence below which an empty look counts as absence.
     pub absent: f64,
-    /// Frames in a row below `absent` before the box is given up.
-    pub patience: u32,
-    /// Frames of coasting before the target counts as lost.
-    pub coast: u32,
-    /// Frames in a row that a place must look like the target before a lost one is taken as found.
+    /// Seconds for which nothing may be seen of the target before the box is given up.
+    pub patience: f64,
+    /// Seconds of coasting before the target counts as lost.
+    pub coast: f64,
+    /// Looks in a row, one a frame, that confirm a place for a lost target.
     pub confirm: u32,
-    /// What is done about a target that may not be there.
+    /// Frames per second, unless every frame comes with its time.
+    pub fps: f64,
+    /// What it does about a target that may not be there.
     pub conduct: Conduct,
 }
 
@@ -42,9 +44,10 @@ impl FlightOptions {
             present: 0.5,
             sure: 0.8,
             absent: 0.01,
-            patience: 8,
-            coast: 30,
+            patience: 0.5,
+            coast: 1.0,
             confirm: 3,
+            fps: 30.0,
             conduct: Conduct::Recover,
         }
     }
@@ -53,15 +56,13 @@ impl FlightOptions {
 /// What a [`FlightTracker`](super::FlightTracker) does about a target that may not be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conduct {
-    /// It coasts, searches, and learns looks only from what is surely the target.
+    /// It coasts and searches.
     Recover,
-    /// The paper's tracker runs on; only `presence` tells.
+    /// The plain tracker runs on; only `presence` tells.
     Tell,
-    /// The same, but looks are learned with the care of [`Recover`](Conduct::Recover): what presence is calibrated on.
-    Watch,
 }
 
-/// How much work one frame may be; the first search is always made.
+/// How much work one frame may cost; the first search is always made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Budget {
     /// As many searches as should fit into this time.
@@ -85,12 +86,12 @@ pub struct FlightTrack {
     pub searches: u32,
 }
 
-/// Presence from which on a box is worth acting on: at this threshold few boxes on the target are given away (docs/flight.md). Presence is
-/// a little low in its middle, where a target has just been found again.
+/// Presence from which on a box is worth acting on: few boxes on the target are below it.
 pub const BELIEVED: f32 = 0.4;
 
 impl FlightTrack {
-    /// Whether the box is worth acting on: the target is seen, and its presence at least [`BELIEVED`].
+    /// Whether the box is worth acting on: the target is seen, and its presence at least
+    /// [`BELIEVED`].
     pub fn is_believed(&self) -> bool {
         self.state.is_seen() && self.presence >= BELIEVED
     }

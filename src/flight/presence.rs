@@ -1,7 +1,8 @@
-//! From evidence to the probability that the box is on the target: a logistic model with a short memory.
+//! From evidence to the probability that the box is on the target: a logistic model with a short
+//! memory.
 //!
-//! Coefficients are fitted for one set of weights and travel with them, in the note `presence` of the weights file:
-//! lines of `name value`. Weights without the note get the compiled-in ones.
+//! Coefficients are fitted for one set of weights and travel with them, in the note `presence` of
+//! the weights file, as lines of `name value`. Weights without the note get the compiled-in ones.
 
 use super::evidence::{COUNT, Evidence, NAMES};
 use weights_format::Header;
@@ -12,10 +13,12 @@ pub const NOTE: &str = "presence";
 /// Coefficients for weights that bring none.
 const DEFAULT: &str = include_str!("presence.txt");
 
+/// Frames per second that [`Presence::memory`] refers to.
+const MEMORY_RATE: f64 = 30.0;
 /// Largest magnitude of a coefficient that is believed.
 const MOST: f64 = 1e3;
 
-/// What one look's evidence is worth.
+/// Weights of one look's evidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weighing {
     /// Log-odds without any evidence.
@@ -27,11 +30,12 @@ pub struct Weighing {
 /// A logistic model of presence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Presence {
-    /// Of a look at a target that was seen just before.
+    /// Weighs a look at a target that was seen just before.
     pub look: Weighing,
-    /// Of a look for one that has been gone for a while: what it last looked like says less then.
+    /// Weighs a look for a target that has been gone for a while: its last appearance says less
+    /// then.
     pub again: Weighing,
-    /// Share of the frame before in the smoothed log-odds, in `[0, 1)`.
+    /// Share of 1/30 of a second ago in the smoothed log-odds, in `[0, 1)`.
     pub memory: f64,
     /// Stretches the smoothed log-odds, so that they are calibrated.
     pub gain: f64,
@@ -43,11 +47,11 @@ pub struct Presence {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("presence coefficients: {field} is {found}, expected {expected}")]
 pub struct PresenceError {
-    /// Which one.
+    /// The coefficient's name.
     pub field: String,
-    /// What was found.
+    /// The text in its place.
     pub found: String,
-    /// What was expected.
+    /// The text that was expected.
     pub expected: &'static str,
 }
 
@@ -64,11 +68,13 @@ impl Presence {
             .map_or_else(|| Presence::parse(DEFAULT), |note| Presence::parse(note))
     }
 
-    /// Reads lines of `name value`: `bias`, `memory`, `gain`, `shift` and every name of [`NAMES`], each once; then, or not at
-    /// all, `again.bias` and every name with `again.` before it. Without these a look is always weighed alike.
+    /// Reads lines of `name value`: `bias`, `memory`, `gain`, `shift` and every name of [`NAMES`],
+    /// each once; then, or not at all, `again.bias` and every name with `again.` before it. Without
+    /// these a look is always weighed alike.
     ///
     /// # Errors
-    /// Names the first field that is missing, unknown, twice there, or not a number of bounded size.
+    /// Names the first field that is missing, unknown, twice there, or not a number of bounded
+    /// size.
     pub fn parse(text: &str) -> Result<Presence, PresenceError> {
         let wrong = |field: &str, found: &str, expected| PresenceError {
             field: field.chars().take(40).collect(),
@@ -151,7 +157,7 @@ impl Weighing {
     }
 }
 
-/// The names of all coefficients, in the order that they are written in.
+/// The names of all coefficients, in the order in which they are written.
 fn names() -> Vec<String> {
     let once = ["memory", "gain", "shift"].map(String::from).into_iter();
     let twice = ["", "again."].into_iter().flat_map(|when| {
@@ -169,12 +175,13 @@ pub(crate) struct Smoothed {
 }
 
 impl Smoothed {
-    /// The probability after one more look, given its log-odds.
-    pub(crate) fn add(&mut self, presence: &Presence, log_odds: f64) -> f64 {
+    /// The probability after one more look, `dt` seconds after the last, given its log-odds.
+    pub(crate) fn add(&mut self, presence: &Presence, log_odds: f64, dt: f64) -> f64 {
+        let memory = presence.memory.powf(dt * MEMORY_RATE);
         let now = log_odds.clamp(-12.0, 12.0);
-        let smoothed = self.log_odds.map_or(now, |before| {
-            presence.memory * before + (1.0 - presence.memory) * now
-        });
+        let smoothed = self
+            .log_odds
+            .map_or(now, |before| memory * before + (1.0 - memory) * now);
         self.log_odds = Some(smoothed);
         sigmoid(presence.gain * smoothed + presence.shift)
     }
@@ -208,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn text_and_back() {
+    fn written_coefficients_are_read_back() {
         assert_eq!(Presence::parse(&some().to_text()), Ok(some()));
         let old: String = some()
             .to_text()
@@ -234,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_is_wrong() {
+    fn malformed_coefficients_are_named_in_the_error() {
         let text = some().to_text();
         for (bad, part) in [
             (String::new(), "memory is missing"),
@@ -252,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn smoothing_follows_with_delay() {
+    fn smoothed_presence_follows_with_delay() {
         let look = Weighing {
             weights: std::array::from_fn(|i| if i == 0 { 10.0 } else { 0.0 }),
             bias: 0.0,
@@ -274,8 +281,11 @@ mod tests {
         };
         let mut smoothed = Smoothed::default();
         let [good_odds, bad_odds] = [&good, &bad].map(|evidence| look.log_odds(evidence));
-        assert_eq!(smoothed.add(&presence, good_odds), look.alone(&good));
-        assert_eq!(smoothed.add(&presence, bad_odds), 0.5);
-        assert!(smoothed.add(&presence, bad_odds) < 0.01);
+        assert_eq!(
+            smoothed.add(&presence, good_odds, 1.0 / 30.0),
+            look.alone(&good)
+        );
+        assert_eq!(smoothed.add(&presence, bad_odds, 1.0 / 30.0), 0.5);
+        assert!(smoothed.add(&presence, bad_odds, 1.0 / 30.0) < 0.01);
     }
 }

@@ -9,6 +9,7 @@ use super::camera::Motion;
 use super::evidence::Finding;
 use super::judge::Judge;
 use super::options::{Budget, FlightOptions};
+use super::presence::sigmoid;
 use super::state::{Standing, State};
 use super::sweep::Sweep;
 use super::target::Target;
@@ -21,16 +22,16 @@ use std::time::{Duration, Instant};
 /// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of
 /// 303 crop pixels.
 const TILE_SHARE: f64 = 120.0 / 303.0;
-/// Frames of coasting during which a surely similar object far away is another object.
-const SOON: u32 = 10;
+/// Seconds of coasting during which a surely similar object far away is another object.
+const SOON: f64 = 0.33;
 /// Least distance of such an object from the predicted place, in target sides.
 const FAR: f64 = 2.0;
 /// Standard deviations of the predicted place that are added to that distance.
 const SIGMAS: f64 = 3.0;
 /// Share of a tile around a visited place that the colors do not lead back to.
 const VISITED: f32 = 0.8;
-/// Frames for which a visited place is remembered.
-const REMEMBERED: u32 = 15;
+/// Seconds for which a visited place is remembered.
+const REMEMBERED: f64 = 0.5;
 /// Most visited places that are remembered.
 const MOST_VISITED: usize = 128;
 /// Most that a side of the target grows or shrinks by while it is not seen.
@@ -96,11 +97,7 @@ pub(super) struct Means<'a> {
 impl Means<'_> {
     /// Where the target should be, within the frame.
     fn predicted(&self) -> FrameBox {
-        let min_size = self.options.config.min_size;
-        self.target
-            .motion
-            .bbox()
-            .clamped(self.frame.width(), self.frame.height(), min_size)
+        self.tracker.clamped(self.frame, &self.target.motion.bbox())
     }
 
     /// Looks at one place; the findings are the judge's.
@@ -206,7 +203,7 @@ struct Lead {
 #[derive(Clone, Copy, Debug)]
 struct Visit {
     bbox: FrameBox,
-    age: u32, // in frames
+    age: f64, // in seconds
 }
 
 /// What is remembered of a search from frame to frame.
@@ -219,6 +216,7 @@ pub(super) struct Search {
     sweep: Sweep,
     visited: Vec<Visit>,
     cost: Duration, // running mean of one look
+    frames: u32,    // searched in
 }
 
 impl Default for Search {
@@ -231,6 +229,7 @@ impl Default for Search {
             sweep: Sweep::default(),
             visited: Vec::new(),
             cost: Duration::from_millis(20),
+            frames: 0,
         }
     }
 }
@@ -251,15 +250,15 @@ impl Search {
         self.visited.clear();
     }
 
-    /// Carries all places into the next frame.
-    pub(super) fn predict(&mut self, motion: &Motion) {
+    /// Carries all places into the next frame, `dt` seconds later.
+    pub(super) fn predict(&mut self, motion: &Motion, dt: f64) {
         for lead in &mut self.leads {
             lead.bbox = motion.carry(&lead.bbox);
         }
         self.visited.retain(|visit| visit.age < REMEMBERED);
         for visit in &mut self.visited {
             visit.bbox = motion.carry(&visit.bbox);
-            visit.age += 1;
+            visit.age += dt;
         }
         if let Some(tentative) = &mut self.tentative {
             tentative.bbox = motion.carry(&tentative.bbox);
@@ -275,10 +274,11 @@ impl Search {
         let mut outcome = Outcome::default();
         // A place is looked at once a frame: confirming it takes one frame after the other.
         let mut verified = false;
+        self.frames = self.frames.wrapping_add(1);
         while allowance.affords(self.cost) {
             let began = Instant::now();
             let coasts = means.standing.state == State::Coasting;
-            let is_due = coasts || means.standing.age.is_multiple_of(3);
+            let is_due = coasts || self.frames.is_multiple_of(3);
             let is_doubtful = self.tentative.is_none_or(|place| place.confirmed == 0);
             if allowance.spent() == 0 && is_due && is_doubtful {
                 let ahead = self.look_ahead(means)?;
@@ -305,8 +305,8 @@ impl Search {
         Ok(outcome)
     }
 
-    /// Looks around the predicted place and takes the likeliest finding there for a tentative place,
-    /// if it is likely at all.
+    /// Looks around the predicted place and takes the likeliest finding there for a tentative
+    /// place, if it is likely at all.
     fn look_ahead(&mut self, means: &mut Means<'_>) -> Result<Ahead, TrackError> {
         let predicted = means.predicted();
         let window_influence = means.options.config.window_influence;
@@ -358,7 +358,7 @@ impl Search {
         }
         self.visited.push(Visit {
             bbox: around,
-            age: 0,
+            age: 0.0,
         });
         means.look(around, zoom, 0.0, false)?;
         for i in 0..means.judge.findings().len() {
@@ -467,7 +467,7 @@ fn likeliest(means: &Means<'_>) -> Option<(f64, Finding)> {
 /// soon.
 fn suspect(means: &mut Means<'_>, finding: &Finding) {
     let far = FAR + SIGMAS * means.target.motion.spread();
-    let alike = means.judge.presence.again.alone(&finding.evidence);
+    let alike = sigmoid(means.judge.again_odds(finding));
     let is_soon = means.standing.state == State::Coasting && means.standing.age <= SOON;
     let is_far = means.target.away(&finding.bbox) >= far;
     if is_soon && is_far && alike >= means.options.sure {
@@ -490,7 +490,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_sure_is_taken_soon_and_what_is_doubtful_late() {
+    fn sure_place_is_found_soon_and_doubtful_one_late() {
         let after = |log_odds: &[f64]| {
             let mut tentative = Tentative::new(FrameBox::default(), 3);
             log_odds.iter().for_each(|odds| tentative.note(*odds));
@@ -508,7 +508,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_returns_larger_or_smaller_within_bounds() {
+    fn returned_target_changes_size_within_bounds() {
         let last = FrameBox {
             cx: 0.0,
             cy: 0.0,

@@ -32,25 +32,25 @@ pub(super) enum Sighting {
     Found,
 }
 
-/// A sighting with its history, in frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A sighting with its history, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Observation {
     pub sighting: Sighting,
     /// Time in the state, this frame included.
-    pub age: u32,
-    /// Sightings in a row that were [`Sighting::Absent`], this one included.
-    pub absent: u32,
+    pub age: f64,
+    /// Time for which all sightings were [`Sighting::Absent`], this one included.
+    pub absent: f64,
 }
 
-/// Times after which a state ends, in frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Times after which a state ends, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limits {
-    /// Absent sightings in a row after which the box is given up; `None` for never.
-    pub patience: Option<u32>,
+    /// Time of absent sightings after which the box is given up; `None` for never.
+    pub patience: Option<f64>,
     /// Time of [`State::Coasting`].
-    pub coast: u32,
+    pub coast: f64,
     /// Time of [`State::Reacquired`].
-    pub fresh: u32,
+    pub fresh: f64,
 }
 
 impl State {
@@ -90,52 +90,56 @@ impl State {
     }
 }
 
-/// The state with what led to it; all counts are frames.
+/// The state with what led to it; all times are in seconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Standing {
     pub state: State,
     /// Time in the state.
-    pub age: u32,
-    /// Absent sightings in a row.
-    absent: u32,
-    /// Frames in a row that were not believed.
-    doubted: u32,
-    /// Frames since the last that was not believed, or since the target was found again.
-    calm: u32,
+    pub age: f64,
+    /// Seconds from the frame before to this one.
+    pub dt: f64,
+    /// Time for which all sightings were absent.
+    absent: f64,
+    /// Time for which no box was believed.
+    doubted: f64,
+    /// Time since the last box that was not believed, or since the target was found again.
+    calm: f64,
 }
 
-/// Frames after the last doubt before appearance is learned again: after an occlusion the visible
+/// Seconds after the last doubt before appearance is learned again: after an occlusion the visible
 /// object may be a different one, and learning it would make the error permanent.
-const CALM: u32 = 45;
-/// Frames in a row that are not believed before the target is searched for elsewhere as well.
-const DOUBTED: u32 = 15;
+const CALM: f64 = 1.5;
+/// Seconds of doubt before the target is searched for elsewhere as well.
+const DOUBTED: f64 = 0.5;
 
 impl Standing {
     /// A target that was just given.
     pub(super) fn new() -> Standing {
         Standing {
             state: State::Tracking,
-            age: 0,
-            absent: 0,
-            doubted: 0,
+            age: 0.0,
+            dt: 0.0,
+            absent: 0.0,
+            doubted: 0.0,
             calm: CALM,
         }
     }
 
-    /// Another frame has come.
-    pub(super) fn tick(&mut self) {
-        self.age = self.age.saturating_add(1);
+    /// Another frame has come, `dt` seconds after the last.
+    pub(super) fn tick(&mut self, dt: f64) {
+        self.dt = dt;
+        self.age += dt;
     }
 
     /// Moves on to the next state; returns whether it is another one.
     pub(super) fn note(&mut self, sighting: Sighting, limits: &Limits) -> bool {
         match sighting {
-            Sighting::Absent => self.absent = self.absent.saturating_add(1),
-            Sighting::Present | Sighting::Doubtful => self.absent = 0,
+            Sighting::Absent => self.absent += self.dt,
+            Sighting::Present | Sighting::Doubtful => self.absent = 0.0,
             Sighting::Found => {
-                self.absent = 0;
-                self.doubted = 0;
-                self.calm = 0;
+                self.absent = 0.0;
+                self.doubted = 0.0;
+                self.calm = 0.0;
             }
             Sighting::Impossible | Sighting::Unseen => {}
         }
@@ -148,7 +152,7 @@ impl Standing {
         let changes = next != self.state;
         if changes {
             self.state = next;
-            self.age = 0;
+            self.age = 0.0;
         }
         changes
     }
@@ -157,16 +161,17 @@ impl Standing {
     pub(super) fn count(&mut self, believed: bool) -> bool {
         let ends_doubt = believed && self.is_doubted();
         if believed {
-            self.doubted = 0;
-            self.calm = self.calm.saturating_add(1);
+            self.doubted = 0.0;
+            self.calm += self.dt;
         } else {
-            self.doubted = self.doubted.saturating_add(1);
-            self.calm = 0;
+            self.doubted += self.dt;
+            self.calm = 0.0;
         }
         ends_doubt
     }
 
-    /// Whether what is followed has been doubted for so long that it should be searched for elsewhere.
+    /// Whether what is followed has been doubted for so long that it should be searched for
+    /// elsewhere.
     pub(super) fn is_doubted(&self) -> bool {
         self.doubted >= DOUBTED
     }
@@ -186,31 +191,31 @@ mod tests {
         use Sighting::{Absent, Doubtful, Found, Impossible, Present, Unseen};
         use State::{Coasting, Lost, LowConfidence, Reacquired, Tracking};
         let limits = Limits {
-            patience: Some(8),
-            coast: 30,
-            fresh: 10,
+            patience: Some(0.5),
+            coast: 1.0,
+            fresh: 0.33,
         };
-        // state, sighting, time in the state, absent sightings in a row, next state
+        // state, sighting, seconds in the state, seconds of absent sightings, next state
         let table = [
-            (Tracking, Present, 50, 0, Tracking),
-            (Tracking, Doubtful, 50, 0, LowConfidence),
-            (Tracking, Absent, 50, 1, LowConfidence),
-            (Tracking, Absent, 50, 8, Coasting),
-            (Tracking, Impossible, 50, 0, Coasting),
-            (LowConfidence, Present, 1, 0, Tracking),
-            (LowConfidence, Doubtful, 500, 0, LowConfidence),
-            (LowConfidence, Absent, 7, 7, LowConfidence),
-            (LowConfidence, Absent, 8, 8, Coasting),
-            (LowConfidence, Found, 90, 0, Reacquired),
-            (Coasting, Unseen, 30, 0, Coasting),
-            (Coasting, Unseen, 31, 0, Lost),
-            (Coasting, Found, 3, 0, Reacquired),
-            (Lost, Unseen, 1000, 0, Lost),
-            (Lost, Found, 1000, 0, Reacquired),
-            (Reacquired, Present, 9, 0, Reacquired),
-            (Reacquired, Present, 10, 0, Tracking),
-            (Reacquired, Doubtful, 2, 0, LowConfidence),
-            (Reacquired, Impossible, 2, 0, Coasting),
+            (Tracking, Present, 2.0, 0.0, Tracking),
+            (Tracking, Doubtful, 2.0, 0.0, LowConfidence),
+            (Tracking, Absent, 2.0, 0.1, LowConfidence),
+            (Tracking, Absent, 2.0, 0.5, Coasting),
+            (Tracking, Impossible, 2.0, 0.0, Coasting),
+            (LowConfidence, Present, 0.1, 0.0, Tracking),
+            (LowConfidence, Doubtful, 20.0, 0.0, LowConfidence),
+            (LowConfidence, Absent, 0.4, 0.4, LowConfidence),
+            (LowConfidence, Absent, 0.6, 0.6, Coasting),
+            (LowConfidence, Found, 3.0, 0.0, Reacquired),
+            (Coasting, Unseen, 1.0, 0.0, Coasting),
+            (Coasting, Unseen, 1.1, 0.0, Lost),
+            (Coasting, Found, 0.2, 0.0, Reacquired),
+            (Lost, Unseen, 90.0, 0.0, Lost),
+            (Lost, Found, 90.0, 0.0, Reacquired),
+            (Reacquired, Present, 0.3, 0.0, Reacquired),
+            (Reacquired, Present, 0.4, 0.0, Tracking),
+            (Reacquired, Doubtful, 0.1, 0.0, LowConfidence),
+            (Reacquired, Impossible, 0.1, 0.0, Coasting),
         ];
 
         for (state, sighting, age, absent, expected) in table {
@@ -231,13 +236,13 @@ mod tests {
     fn target_that_must_not_be_given_up_stays_doubtful() {
         let limits = Limits {
             patience: None,
-            coast: 30,
-            fresh: 10,
+            coast: 1.0,
+            fresh: 0.33,
         };
         let observation = Observation {
             sighting: Sighting::Absent,
-            age: 900,
-            absent: 900,
+            age: 30.0,
+            absent: 30.0,
         };
 
         let next = State::LowConfidence.next(observation, &limits);

@@ -1,14 +1,14 @@
-//! The order in which a frame is searched for a lost target: tiles of one search each, the nearest to where it should be
-//! first, until all were looked at.
+//! The order in which a frame is searched for a lost target: tiles of one search each, the nearest
+//! to the predicted place first.
 
 /// Most tiles of one sweep; larger frames get larger steps.
 const MAX_TILES: f64 = 1024.0;
 /// Tiles that a sweep should not exceed as long as zooming out helps.
 const FEW_TILES: f64 = 24.0;
-/// How much wider than usual a search may be: the target is then smaller in it than the network is used to.
+/// Most that a search is zoomed out: the target is then smaller in it than the network is used to.
 const MAX_ZOOM: f64 = 2.0;
 
-/// What is left of one walk over the frame.
+/// The tiles that are left of one walk over the frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sweep {
     left: Vec<(f32, f32)>, // the next one last
@@ -16,8 +16,8 @@ pub(crate) struct Sweep {
 }
 
 impl Sweep {
-    /// Plans the tiles of a `width` x `height` frame for searches that cover `reach` pixels each at zoom 1, as far as they
-    /// come within `radius` of `around`.
+    /// Plans the tiles of a `width` x `height` frame that come within `radius` of `around`, for
+    /// searches that cover `reach` pixels each at zoom 1.
     pub(crate) fn plan(
         &mut self,
         (width, height): (usize, usize),
@@ -46,7 +46,7 @@ impl Sweep {
         let distance = |&(x, y): &(f32, f32)| (x - around.0).hypot(y - around.1);
         self.left
             .sort_by(|a, b| distance(b).total_cmp(&distance(a)));
-        // The nearest one stays in any case: there is always something to do.
+        // The nearest tile stays in any case: there is always something to search.
         let beyond = |tile: &(f32, f32)| f64::from(distance(tile)) > radius + step;
         let far = self
             .left
@@ -62,7 +62,7 @@ impl Sweep {
         self.left.pop().map(|tile| (tile, self.zoom))
     }
 
-    /// Drops what is left.
+    /// Drops all tiles.
     pub(crate) fn clear(&mut self) {
         self.left.clear();
     }
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn covers_the_frame_nearest_first() {
+    fn sweep_covers_the_frame_nearest_first() {
         let mut sweep = Sweep::default();
         sweep.plan((640, 360), 68.0, (600.0, 10.0), 2000.0);
         let tiles = all(&mut sweep);
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn begins_small() {
+    fn small_radius_gives_few_tiles() {
         let mut sweep = Sweep::default();
         sweep.plan((640, 360), 68.0, (300.0, 200.0), 70.0);
         let tiles = all(&mut sweep);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_target_needs_one_tile_and_a_tiny_one_not_too_many() {
+    fn large_target_needs_one_tile_and_tiny_one_a_bounded_number() {
         let mut sweep = Sweep::default();
         sweep.plan((640, 360), 2000.0, (0.0, 0.0), 2000.0);
         assert_eq!(all(&mut sweep), [((320.0, 180.0), 1.0)]);

@@ -4,16 +4,16 @@ use super::camera::Motion;
 use super::kalman::Kalman;
 use crate::bbox::FrameBox;
 
-/// Frames that the target must stay surely seen before its motion is remembered.
-const ANCHOR_AGE: u32 = 4;
-/// Frames during which a re-acquisition may be taken back.
-const PROBATION: u32 = 30;
+/// Seconds that the target must stay surely seen before its motion is remembered.
+const ANCHOR_AGE: f64 = 0.15;
+/// Seconds during which a re-acquisition may be taken back.
+const PROBATION: f64 = 1.0;
 
-/// A motion that was remembered some frames ago, predicted since.
+/// A motion that was remembered some time ago, predicted since.
 #[derive(Clone, Copy, Debug)]
 struct Aged {
     motion: Kalman,
-    age: u32, // in frames
+    age: f64, // in seconds
 }
 
 /// Where the target is and how it moves.
@@ -46,19 +46,20 @@ impl Target {
         Target {
             probation: Some(Aged {
                 motion: self.motion,
-                age: 0,
+                age: 0.0,
             }),
             ..Target::new(bbox)
         }
     }
 
-    /// Carries everything into the next frame.
-    pub(super) fn predict(&mut self, motion: &Motion) {
-        self.motion.predict(motion);
-        self.anchor.predict(motion);
+    /// Carries everything into the next frame, `dt` seconds later.
+    pub(super) fn predict(&mut self, motion: &Motion, dt: f64) {
+        self.motion.predict(motion, dt);
+        self.anchor.predict(motion, dt);
         let aged = self.next_anchor.iter_mut().chain(&mut self.probation);
         for aged in aged {
-            aged.motion.predict(motion);
+            aged.motion.predict(motion, dt);
+            aged.age += dt;
         }
     }
 
@@ -77,19 +78,16 @@ impl Target {
     pub(super) fn drop_anchor(&mut self, sure: bool) {
         let fresh = Aged {
             motion: self.motion,
-            age: 0,
+            age: 0.0,
         };
         self.next_anchor = match self.next_anchor {
             _ if !sure => None,
             None => Some(fresh),
-            Some(aged) if aged.age == ANCHOR_AGE => {
+            Some(aged) if aged.age >= ANCHOR_AGE => {
                 self.anchor = aged.motion;
                 Some(fresh)
             }
-            Some(aged) => Some(Aged {
-                age: aged.age + 1,
-                ..aged
-            }),
+            young => young,
         };
     }
 
@@ -102,13 +100,10 @@ impl Target {
         }
     }
 
-    /// What was searched for before the last re-acquisition, as long as that is on probation; counts
-    /// a frame of it.
+    /// What was searched for before the last re-acquisition, as long as that is on probation.
     pub(super) fn on_probation(&mut self) -> Option<Kalman> {
-        let before = self.probation?;
-        let age = before.age + 1;
-        self.probation = (before.age < PROBATION).then_some(Aged { age, ..before });
-        Some(before.motion)
+        self.probation = self.probation.filter(|before| before.age <= PROBATION);
+        self.probation.map(|before| before.motion)
     }
 
     /// Whether the last re-acquisition may still be taken back.
