@@ -8,56 +8,81 @@ use weights_format::{Storage, Weights};
 
 use crate::clips;
 use crate::collect::{Sample, Samples, collect};
-use crate::fit::{Inputs, logistic};
+use crate::fit::{Labeled, Look, logistic};
 use crate::measure::{auroc, log_loss, reliability};
 use crate::{CalibrateArgs, Failure, load};
 
 /// Shares of the frame before that are tried.
 const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
 
-/// Evidence that must not speak against the target: what the online filter and the colors say. It agrees with so much else that its weight
+/// Evidence that must not speak against the target. It agrees with so much else that its weight
 /// could come out below 0, and then a picture that shows nothing speaks for the target.
 const RISING: [&str; 3] = ["response", "contrast", "colors"];
 
-/// Evidence that counts only where a lost target is looked for: while one is followed the light may change, which it does not in rendered flights.
-const ONLY_AGAIN: [&str; 1] = ["colors"];
+/// Most parts of the cross-validation.
+const FOLDS: usize = 10;
 
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
     let model = load(args.model.as_ref())?;
     let mut clips = clips::flights(&args.flights, args.seed);
     clips.extend(clips::footage(&args.footage)?);
-    let train = collect(&model, &clips, args.jobs)?;
+    let samples = collect(&model, &clips, args.jobs)?;
     if let Some(path) = &args.dump {
-        dump(path, &train)?;
+        dump(path, &samples)?;
     }
-    let presence = if args.again_only {
-        rounded(Presence {
-            again: fit_again(&train)?,
-            ..Presence::of(model.header())?
-        })
-    } else {
-        fit(&train)?
-    };
+    let kept = args.again_only.then(|| Presence::of(model.header()));
+    let kept = kept.transpose()?;
+    let all: Vec<&Samples> = samples.iter().collect();
+    let presence = fit(&all, kept.as_ref())?;
     print!("{}", presence.to_text());
-    report("fitted to", &presence, &train);
-    let test = collect(
-        &model,
-        &clips::flights(&args.flights, args.test_seed),
-        args.jobs,
-    )?;
-    report("measured on other flights", &presence, &test);
+    let fitted: Vec<_> = all.iter().map(|clip| (presence, *clip)).collect();
+    report("fitted to", &fitted);
+    let held_out = cross_validate(&all, kept.as_ref())?;
+    let of = |footage: bool| {
+        let part = held_out.iter().filter(|(_, c)| c.is_footage == footage);
+        part.copied().collect::<Vec<_>>()
+    };
+    for (title, footage) in [("footage", true), ("rendered flights", false)] {
+        let part = of(footage);
+        if !part.is_empty() {
+            report(&format!("{title}, fitted without it"), &part);
+        }
+    }
     for (index, name) in EVIDENCE_NAMES.iter().enumerate() {
-        let alone = auroc(&labeled(&test, |s| s.evidence.to_array()[index]));
+        let alone = auroc(&labeled(&all, |s| s.evidence.to_array()[index]));
         println!("AUROC of {name} alone: {}", shown(alone));
     }
     if let Some(path) = &args.text {
         std::fs::write(path, presence.to_text())
             .map_err(|error| Failure::File(path.clone(), error.to_string()))?;
     }
-    args.into
-        .as_deref()
-        .map_or(Ok(()), |path| write(path, &presence))
+    match &args.into {
+        Some(path) => write(path, &presence),
+        None => Ok(()),
+    }
+}
+
+/// Every clip with coefficients that were fitted without its group.
+fn cross_validate<'a>(
+    clips: &[&'a Samples],
+    kept: Option<&Presence>,
+) -> Result<Vec<(Presence, &'a Samples)>, Failure> {
+    let mut groups: Vec<&str> = clips.iter().map(|clip| clip.group.as_str()).collect();
+    groups.sort_unstable();
+    groups.dedup();
+    let folds = FOLDS.min(groups.len());
+    let fold = |clip: &Samples| groups.iter().position(|g| *g == clip.group).unwrap_or(0) % folds;
+    let mut held_out = Vec::new();
+    for left_out in 0..folds {
+        let (test, train): (Vec<&Samples>, Vec<&Samples>) =
+            clips.iter().partition(|clip| fold(clip) == left_out);
+        if !train.is_empty() {
+            let presence = fit(&train, kept)?;
+            held_out.extend(test.into_iter().map(|clip| (presence, clip)));
+        }
+    }
+    Ok(held_out)
 }
 
 /// Writes all looks as a table with tabs: group, run, kind, truth, gone, evidence.
@@ -104,53 +129,69 @@ fn write(path: &Path, presence: &Presence) -> Result<(), Failure> {
     Ok(())
 }
 
-fn inputs<'a>(samples: impl Iterator<Item = &'a Sample>) -> Vec<(Inputs, bool)> {
-    samples
-        .filter_map(|s| Some((s.evidence.to_array(), s.on?)))
-        .collect()
+/// Looks with their truth; footage and rendered flights count the same in all.
+fn looks<'a, F, I>(clips: &[&'a Samples], of: F) -> Vec<Look>
+where
+    F: Fn(&'a Samples) -> I,
+    I: Iterator<Item = &'a Sample>,
+{
+    let mut looks = Vec::new();
+    let mut footage = Vec::new(); // whether each look is
+    for clip in clips {
+        for sample in of(clip) {
+            let Some(on) = sample.on else { continue };
+            footage.push(clip.is_footage);
+            looks.push(Look {
+                inputs: sample.evidence.to_array(),
+                on,
+                weight: 1.0,
+            });
+        }
+    }
+    let real = footage.iter().filter(|is_footage| **is_footage).count();
+    for (look, is_footage) in looks.iter_mut().zip(&footage) {
+        let count = if *is_footage {
+            real
+        } else {
+            footage.len() - real
+        };
+        look.weight = 1.0 / count.max(1) as f64;
+    }
+    looks
 }
 
-/// Fits the single look first, then memory, gain and shift of consecutive ones.
-fn fit(flights: &[Samples]) -> Result<Presence, Failure> {
-    let runs = || flights.iter().flat_map(|f| f.runs.iter().flatten());
-    let looks = || flights.iter().flat_map(|f| &f.looks);
-    let mut all = inputs(runs().chain(looks()));
-    for index in places(&ONLY_AGAIN) {
-        all.iter_mut().for_each(|(values, _)| values[index] = 0.0);
+/// Fits the single look first, then memory, gain and shift of consecutive ones; only looks for a
+/// lost target if the other coefficients are `kept`.
+fn fit(clips: &[&Samples], kept: Option<&Presence>) -> Result<Presence, Failure> {
+    let again = weighing(&looks(clips, |clip| clip.again.iter()))?;
+    if let Some(kept) = kept {
+        return Ok(rounded(Presence { again, ..*kept }));
     }
-    let (look, again) = (weighing(&all)?, fit_again(flights)?);
+    let all = looks(clips, |clip| clip.runs.iter().flatten().chain(&clip.looks));
     let plain = Presence {
-        look,
+        look: weighing(&all)?,
         again,
         memory: 0.0,
         gain: 1.0,
         shift: 0.0,
     };
-    let tried = MEMORIES
-        .iter()
-        .map(|&memory| smooth(plain, memory, flights));
+    let tried = MEMORIES.iter().map(|&memory| smooth(plain, memory, clips));
     let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
     Ok(rounded(best.map_or(plain, |(_, presence)| presence)))
 }
 
-/// Fits a look for a target that was lost.
-fn fit_again(flights: &[Samples]) -> Result<Weighing, Failure> {
-    weighing(&inputs(flights.iter().flat_map(|f| &f.again)))
-}
-
-/// What each piece of evidence is worth, by looks of both kinds.
-fn weighing(looks: &[(Inputs, bool)]) -> Result<Weighing, Failure> {
-    let off = looks.iter().filter(|(_, on)| !on).count();
-    eprintln!("{} looks, {off} of them off the target", looks.len());
+/// Weights of each piece of evidence, by looks of both kinds.
+fn weighing(looks: &[Look]) -> Result<Weighing, Failure> {
+    let off = looks.iter().filter(|look| !look.on).count();
     if off < 50 || looks.len() - off < 50 {
-        let needed = "at least 50 looks on and 50 off the target are needed: take more flights";
+        let needed = "at least 50 looks on and 50 off the target are needed: take more clips";
         return Err(Failure::Nothing(needed.into()));
     }
     let (bias, weights) = logistic(looks, &places(&RISING));
     Ok(Weighing { bias, weights })
 }
 
-/// Where some evidence is among all.
+/// The places of some evidence among all.
 fn places(names: &[&str]) -> Vec<usize> {
     (0..EVIDENCE_NAMES.len())
         .filter(|&i| names.contains(&EVIDENCE_NAMES[i]))
@@ -175,23 +216,37 @@ fn rounded(mut presence: Presence) -> Presence {
     presence
 }
 
-/// The model with gain and shift for its memory, and its mean loss.
-fn smooth(mut presence: Presence, memory: f64, flights: &[Samples]) -> (f64, Presence) {
+/// The model with gain and shift for its memory, and its mean loss. Frames on and off the target
+/// count the same in all: how often a target is gone depends on the flight, not on the evidence.
+fn smooth(mut presence: Presence, memory: f64, clips: &[&Samples]) -> (f64, Presence) {
     presence.memory = memory;
-    let labeled = |(odds, sample): (f64, &Sample)| Some(([odds], sample.on?));
-    let odds: Vec<([f64; 1], bool)> = smoothed(&presence, flights)
-        .into_iter()
-        .filter_map(labeled)
-        .collect();
+    let mut odds = Vec::new();
+    for (log_odds, sample) in clips.iter().flat_map(|clip| smoothed(&presence, clip)) {
+        if let Some(on) = sample.on {
+            odds.push(Labeled {
+                inputs: [log_odds],
+                on,
+                weight: 1.0,
+            });
+        }
+    }
+    let on = odds.iter().filter(|odds| odds.on).count();
+    let off = odds.len() - on;
+    for odds in &mut odds {
+        let count = if odds.on { on } else { off };
+        odds.weight = 1.0 / count.max(1) as f64;
+    }
     let (shift, [gain]) = logistic(&odds, &[]);
-    (presence.gain, presence.shift) = (gain.max(0.05), shift);
-    (log_loss(&probabilities(&presence, flights)), presence)
+    presence.gain = gain.max(0.05);
+    presence.shift = shift;
+    let judged: Vec<_> = clips.iter().map(|clip| (presence, *clip)).collect();
+    (log_loss(&probabilities(&judged)), presence)
 }
 
 /// Smoothed log-odds of every frame of every run, as the tracker smooths them.
-fn smoothed<'a>(presence: &Presence, flights: &'a [Samples]) -> Vec<(f64, &'a Sample)> {
+fn smoothed<'a>(presence: &Presence, clip: &'a Samples) -> Vec<(f64, &'a Sample)> {
     let mut out = Vec::new();
-    for run in flights.iter().flat_map(|f| &f.runs) {
+    for run in &clip.runs {
         let mut before = None;
         for sample in run {
             let now = presence.look.log_odds(&sample.evidence).clamp(-12.0, 12.0);
@@ -203,16 +258,22 @@ fn smoothed<'a>(presence: &Presence, flights: &'a [Samples]) -> Vec<(f64, &'a Sa
     out
 }
 
-fn probabilities(presence: &Presence, flights: &[Samples]) -> Vec<(f64, bool)> {
-    let probability = |odds: f64| 1.0 / (1.0 + (-(presence.gain * odds + presence.shift)).exp());
-    smoothed(presence, flights)
-        .into_iter()
-        .filter_map(|(odds, s)| Some((probability(odds), s.on?)))
-        .collect()
+/// The probability of every frame, and what came true.
+fn probabilities(clips: &[(Presence, &Samples)]) -> Vec<(f64, bool)> {
+    let mut out = Vec::new();
+    for (presence, clip) in clips {
+        for (odds, sample) in smoothed(presence, clip) {
+            if let Some(on) = sample.on {
+                let odds = presence.gain * odds + presence.shift;
+                out.push((1.0 / (1.0 + (-odds).exp()), on));
+            }
+        }
+    }
+    out
 }
 
-fn labeled(flights: &[Samples], value: impl Fn(&Sample) -> f64) -> Vec<(f64, bool)> {
-    let samples = flights.iter().flat_map(|f| f.runs.iter().flatten());
+fn labeled(clips: &[&Samples], value: impl Fn(&Sample) -> f64) -> Vec<(f64, bool)> {
+    let samples = clips.iter().flat_map(|clip| clip.runs.iter().flatten());
     samples.filter_map(|s| Some((value(s), s.on?))).collect()
 }
 
@@ -220,29 +281,29 @@ fn shown(auroc: Option<f64>) -> String {
     auroc.map_or("no absences".into(), |a| format!("{a:.4}"))
 }
 
-fn report(title: &str, presence: &Presence, flights: &[Samples]) {
-    let frames = probabilities(presence, flights);
-    let gone: Vec<(f64, bool)> = smoothed(presence, flights)
-        .into_iter()
-        .filter_map(|(odds, s)| {
-            if s.gone {
-                Some((odds, false))
-            } else {
-                s.on?.then_some((odds, true))
+fn report(title: &str, clips: &[(Presence, &Samples)]) {
+    let frames = probabilities(clips);
+    let mut gone = Vec::new();
+    let mut looks = Vec::new();
+    let mut again = Vec::new();
+    let mut alike = Vec::new();
+    for (presence, clip) in clips {
+        for (odds, sample) in smoothed(presence, clip) {
+            if sample.gone || sample.on == Some(true) {
+                gone.push((odds, !sample.gone));
             }
-        })
-        .collect();
-    let alone = |of: fn(&Samples) -> &Vec<Sample>, weighing: &Weighing| -> Vec<(f64, bool)> {
-        flights
-            .iter()
-            .flat_map(of)
-            .filter_map(|s| Some((weighing.alone(&s.evidence), s.on?)))
-            .collect()
-    };
-    let looks = alone(|f| &f.looks, &presence.look);
+        }
+        let alone = |samples: &[Sample], weighing: &Weighing| -> Vec<(f64, bool)> {
+            let judged = |s: &Sample| Some((weighing.alone(&s.evidence), s.on?));
+            samples.iter().filter_map(judged).collect()
+        };
+        looks.extend(alone(&clip.looks, &presence.look));
+        again.extend(alone(&clip.again, &presence.again));
+        alike.extend(alone(&clip.again, &presence.look));
+    }
     println!(
-        "\n{title}: {} flights, {} frames, {} single looks",
-        flights.len(),
+        "\n{title}: {} clips, {} frames, {} single looks",
+        clips.len(),
         frames.len(),
         looks.len()
     );
@@ -253,8 +314,6 @@ fn report(title: &str, presence: &Presence, flights: &[Samples]) {
     );
     println!("AUROC single looks {}", shown(auroc(&looks)));
     println!("{}", reliability(&frames));
-    let again = alone(|f| &f.again, &presence.again);
-    let alike = alone(|f| &f.again, &presence.look);
     println!(
         "looks for a target that was not seen for up to three seconds: {}",
         again.len()
@@ -274,6 +333,5 @@ mod tests {
     #[test]
     fn named_evidence_exists() {
         assert_eq!(places(&RISING).len(), RISING.len());
-        assert_eq!(places(&ONLY_AGAIN).len(), ONLY_AGAIN.len());
     }
 }

@@ -155,7 +155,11 @@ pub fn load(folder: &Path, only: &[String]) -> Result<Vec<Sequence>, Failure> {
     let mut notes = Notes::default();
     let mut sequences = sequences::find(folder, &mut notes)?;
     eprint!("{notes}");
-    sequences.retain(|sequence| only.is_empty() || only.contains(&sequence.annotation.name));
+    sequences.retain(|sequence| {
+        let name = &sequence.annotation.name;
+        let last = name.rsplit('/').next().unwrap_or(name);
+        only.is_empty() || only.iter().any(|wanted| wanted == name || wanted == last)
+    });
     if sequences.is_empty() {
         return Err(Failure::Nothing(format!(
             "{}: no sequence of the names asked for",

@@ -1,8 +1,9 @@
 //! Evidence with the truth about it.
 //!
-//! Four kinds: what the tracker saw frame after frame, whether the target was there or not; looks at
-//! the target's own place, at look-alikes and at bare ground, as re-detection takes them; such looks
-//! by a tracker that has not seen the target for a while; and both at pictures that show nothing.
+//! Four kinds: what the tracker saw frame after frame, whether the target was there or not; looks
+//! at the target's own place, at look-alikes and at bare ground, as re-detection takes them; such
+//! looks by a tracker that has not seen the target for a while; and both at pictures that show
+//! nothing.
 
 use track_cpu::flight::{Budget, Conduct, Evidence, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Model};
@@ -38,6 +39,8 @@ pub struct Sample {
 pub struct Samples {
     /// Clips of the same group must not be split between fitting and measuring.
     pub group: String,
+    /// Whether the clip is real footage.
+    pub is_footage: bool,
     /// Consecutive frames; a new run begins where the target was shown again.
     pub runs: Vec<Vec<Sample>>,
     /// Single looks.
@@ -56,13 +59,14 @@ pub fn collect(model: &Model, clips: &[Clip], jobs: usize) -> Result<Vec<Samples
 
 fn from_clip(model: &Model, clip: &Clip) -> Result<Samples, Failure> {
     let options = FlightOptions {
-        conduct: Conduct::Watch,
+        conduct: Conduct::Tell,
         ..FlightOptions::new(model)
     };
     let mut tracker = FlightTracker::new(model.clone(), options)?;
     let mut late = FlightTracker::new(model.clone(), options)?;
     let mut samples = Samples {
         group: clip.group(),
+        is_footage: clip.difficulty().is_none(),
         ..Samples::default()
     };
     let mut off = u32::MAX; // so that the first frame shows the target

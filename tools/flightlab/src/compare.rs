@@ -80,8 +80,8 @@ fn follow(
             };
             [given; 2]
         } else {
-            let track = plain.update(&frame)?;
             let flown = flight.update(&frame, Budget::Searches(args.searches))?;
+            let track = plain.update(&frame)?;
             [
                 Moment {
                     bbox: track.bbox,
@@ -149,11 +149,11 @@ fn report(passes: &[Pass]) {
         else {
             continue;
         };
-        let mut here = (0u32, 0u32);
+        let mut here = (0, 0);
         for (i, moment) in pass.flight.iter().enumerate().skip(1) {
             match pass.iou(i, &moment.bbox) {
                 Some(iou) if iou >= ON => {
-                    here = (here.0 + 1, here.1 + u32::from(!moment.believed));
+                    here = (here.0 + 1, here.1 + usize::from(!moment.believed));
                     labeled.push((moment.presence, true));
                 }
                 Some(iou) if iou >= OFF => {}
@@ -168,7 +168,7 @@ fn report(passes: &[Pass]) {
             100.0 * plain.precision(),
             100.0 * flight.auc(),
             100.0 * flight.precision(),
-            100.0 * f64::from(here.1) / f64::from(here.0.max(1)),
+            100.0 * here.1 as f64 / f64::from(u32::max(here.0 as u32, 1)),
         );
         on += here.0;
         unbelieved += here.1;
@@ -186,7 +186,7 @@ fn report(passes: &[Pass]) {
         plain.1,
         flight.0,
         flight.1,
-        100.0 * f64::from(unbelieved) / f64::from(on.max(1)),
+        100.0 * unbelieved as f64 / f64::from(u32::max(on, 1)),
     );
     let area = auroc(&labeled).map_or("none".into(), |a| format!("{a:.4}"));
     println!("\nAUROC of presence, on against off the target: {area}");
@@ -195,7 +195,7 @@ fn report(passes: &[Pass]) {
 
 /// A line per frame: IoU of both modes, presence, state, scores.
 fn write_trace(folder: &Path, pass: &Pass) -> Result<(), Failure> {
-    let path = folder.join(format!("{}.txt", pass.annotation.name));
+    let path = folder.join(format!("{}.txt", pass.annotation.name.replace('/', "_")));
     let mut text = String::new();
     for (i, (plain, flight)) in pass.plain.iter().zip(&pass.flight).enumerate() {
         let shown = |bbox: &BBox| {

@@ -217,8 +217,8 @@ impl std::fmt::Display for Count {
     }
 }
 
-/// Returns of a target that was tracked before it went, and how many of them were found again in time: from outside the
-/// view, and from behind something.
+/// Returns of a target that was tracked before it went, and how many of them were found again in
+/// time: from outside the view, and from behind something.
 fn returns(moments: &[Moment]) -> [Count; 2] {
     let mut counts = [Count::default(); 2];
     let mut at = 0;
@@ -244,7 +244,8 @@ fn returns(moments: &[Moment]) -> [Count; 2] {
     counts
 }
 
-/// Look-alikes that came across a target that was tracked, and how many of them were followed in its place within two seconds.
+/// Look-alikes that came across a target that was tracked, and how many of them were followed in
+/// its place within two seconds.
 fn crossings(moments: &[Moment]) -> Count {
     let mut count = Count::default();
     let mut at = 0;
@@ -321,7 +322,7 @@ fn summarize(name: &str, flights: &[&[Moment]]) {
         100.0 * missed
     );
     println!(
-        "found again within {RETURN_FRAMES} frames of a return: into the view {}, from behind something {}",
+        "found again within {RETURN_FRAMES} frames: into the view {}, from behind something {}",
         returns[0], returns[1]
     );
     println!("look-alikes that crossed the target and were followed in its place: {crossings}");
@@ -352,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_returns() {
+    fn returns_are_counted_by_kind() {
         let (there, away) = ([moment(1.0, 0.8, true); 20], [moment(0.0, 0.0, false); 10]);
         let back = [[moment(1.0, 0.0, false); 30], [moment(1.0, 0.7, true); 30]].concat();
         let good = [&there[..], &away, &back].concat();
@@ -370,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_crossings() {
+    fn crossings_are_counted_once() {
         let there = [moment(1.0, 0.8, true); 10];
         let met = [Moment {
             crossed: true,
@@ -401,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_lock_on_another_object_is_wrong() {
+    fn long_lock_on_another_object_is_wrong() {
         let other = moment(1.0, 0.0, true);
         assert!(!locks_wrong(&[other; 14]));
         assert!(locks_wrong(&[other; 15]));

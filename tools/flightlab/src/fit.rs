@@ -2,14 +2,28 @@
 
 use track_cpu::flight::EVIDENCE_COUNT;
 
+/// Most Newton steps.
 const STEPS: usize = 30;
-const RIDGE: f64 = 1e-3; // per sample, on standardized inputs
+/// Weight of the ridge, on standardized inputs.
+const RIDGE: f64 = 1e-3;
 
-/// Bias and weights that predict `y` from `x`; the weights of the inputs in `rising` are not below 0.
+/// One observation to fit to.
+#[derive(Clone, Copy, Debug)]
+pub struct Labeled<const N: usize> {
+    /// What is known.
+    pub inputs: [f64; N],
+    /// What came true.
+    pub on: bool,
+    /// How much it counts.
+    pub weight: f64,
+}
+
+/// Bias and weights that predict `on` from `inputs`; the weights of the inputs in `rising` are not
+/// below 0.
 ///
-/// Minimizes the mean logistic loss plus `RIDGE` times half the squared weights of the standardized inputs. An input of
-/// `rising` that would weigh less than 0 is left out, the worst first.
-pub fn logistic<const N: usize>(samples: &[([f64; N], bool)], rising: &[usize]) -> (f64, [f64; N]) {
+/// Minimizes the mean logistic loss plus `RIDGE` times half the squared weights of the standardized
+/// inputs. An input of `rising` that would weigh less than 0 is left out, the worst first.
+pub fn logistic<const N: usize>(samples: &[Labeled<N>], rising: &[usize]) -> (f64, [f64; N]) {
     let mut used = [true; N];
     loop {
         let (bias, weights) = newton(samples, &used);
@@ -26,38 +40,38 @@ pub fn logistic<const N: usize>(samples: &[([f64; N], bool)], rising: &[usize]) 
 }
 
 /// The fit with the inputs that are `used`; the others weigh 0.
-fn newton<const N: usize>(samples: &[([f64; N], bool)], used: &[bool; N]) -> (f64, [f64; N]) {
-    let count = samples.len().max(1) as f64;
-    let mean: [f64; N] =
-        std::array::from_fn(|i| samples.iter().map(|(x, _)| x[i]).sum::<f64>() / count);
+fn newton<const N: usize>(samples: &[Labeled<N>], used: &[bool; N]) -> (f64, [f64; N]) {
+    let total = samples.iter().map(|s| s.weight).sum::<f64>().max(1e-9);
+    let mean: [f64; N] = std::array::from_fn(|i| {
+        samples.iter().map(|s| s.weight * s.inputs[i]).sum::<f64>() / total
+    });
     let deviation: [f64; N] = std::array::from_fn(|i| {
-        let variance = samples
+        let squares = samples
             .iter()
-            .map(|(x, _)| (x[i] - mean[i]).powi(2))
-            .sum::<f64>()
-            / count;
-        variance.sqrt().max(1e-9)
+            .map(|s| s.weight * (s.inputs[i] - mean[i]).powi(2));
+        (squares.sum::<f64>() / total).sqrt().max(1e-9)
     });
     let mut weights = vec![0.0; N + 1];
     for _ in 0..STEPS {
         let mut gradient = vec![0.0; N + 1];
         let mut hessian = vec![vec![0.0; N + 1]; N + 1];
-        for (x, y) in samples {
+        for sample in samples {
             let mut z = vec![1.0; N + 1];
             for i in 0..N {
                 z[i + 1] = if used[i] {
-                    (x[i] - mean[i]) / deviation[i]
+                    (sample.inputs[i] - mean[i]) / deviation[i]
                 } else {
                     0.0
                 };
             }
             let odds: f64 = weights.iter().zip(&z).map(|(w, z)| w * z).sum();
             let p = 1.0 / (1.0 + (-odds).exp());
-            let curvature = (p * (1.0 - p)).max(1e-9);
+            let share = sample.weight / total;
+            let curvature = share * (p * (1.0 - p)).max(1e-9);
             for i in 0..=N {
-                gradient[i] += z[i] * (f64::from(u8::from(*y)) - p) / count;
+                gradient[i] += share * z[i] * (f64::from(u8::from(sample.on)) - p);
                 for j in 0..=N {
-                    hessian[i][j] += curvature * z[i] * z[j] / count;
+                    hessian[i][j] += curvature * z[i] * z[j];
                 }
             }
         }
@@ -69,10 +83,9 @@ fn newton<const N: usize>(samples: &[([f64; N], bool)], used: &[bool; N]) -> (f6
         let step = solve(hessian, gradient);
         let largest = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
         let brake = (2.0 / largest.max(1e-12)).min(1.0);
-        weights
-            .iter_mut()
-            .zip(&step)
-            .for_each(|(w, s)| *w += brake * s);
+        for (weight, step) in weights.iter_mut().zip(&step) {
+            *weight += brake * step;
+        }
         if largest < 1e-9 {
             break;
         }
@@ -108,46 +121,86 @@ fn solve(mut m: Vec<Vec<f64>>, mut r: Vec<f64>) -> Vec<f64> {
     r
 }
 
-/// As many inputs as there is evidence.
-pub type Inputs = [f64; EVIDENCE_COUNT];
+/// A look with its evidence.
+pub type Look = Labeled<EVIDENCE_COUNT>;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn labeled<const N: usize>(inputs: [f64; N], on: bool) -> Labeled<N> {
+        Labeled {
+            inputs,
+            on,
+            weight: 1.0,
+        }
+    }
+
     #[test]
-    fn recovers_the_coefficients() {
+    fn known_coefficients_are_recovered() {
         // Every x with the share of positives that the model says.
         let mut samples = Vec::new();
         for i in -20..=20 {
             for j in -3..=3 {
                 let x = [f64::from(i) / 5.0, 100.0 + f64::from(j)];
                 let p = 1.0 / (1.0 + (-(1.5 * x[0] - 0.8 * (x[1] - 100.0) + 0.3)).exp());
-                samples.extend((0..100).map(|k| (x, f64::from(k) + 0.5 < 100.0 * p)));
+                samples.extend((0..100).map(|k| labeled(x, f64::from(k) + 0.5 < 100.0 * p)));
             }
         }
+
         let (bias, weights) = logistic(&samples, &[0]);
-        assert!(
-            (weights[0] - 1.5).abs() < 0.1 && (weights[1] + 0.8).abs() < 0.06,
-            "{weights:?}"
-        );
+
+        assert!((weights[0] - 1.5).abs() < 0.1, "{weights:?}");
+        assert!((weights[1] + 0.8).abs() < 0.06, "{weights:?}");
         assert!((bias + 100.0 * weights[1] - 0.3).abs() < 0.1, "{bias}");
     }
 
     #[test]
-    fn a_rising_input_never_speaks_against() {
+    fn weight_counts_as_repetition() {
+        let some = |on: bool, weight| Labeled {
+            inputs: [f64::from(u8::from(on))],
+            on,
+            weight,
+        };
+        let mixed = labeled([1.0], false);
+
+        let weighed = logistic(&[some(true, 3.0), some(false, 1.0), mixed], &[]);
+        let repeated = logistic(
+            &[
+                some(true, 1.0),
+                some(true, 1.0),
+                some(true, 1.0),
+                some(false, 1.0),
+                mixed,
+            ],
+            &[],
+        );
+
+        assert!((weighed.0 - repeated.0).abs() < 1e-6);
+        assert!((weighed.1[0] - repeated.1[0]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn rising_input_never_speaks_against() {
         let samples: Vec<_> = (0..40)
-            .map(|i| ([f64::from(i), f64::from(i * i)], i % 7 < 3))
+            .map(|i| labeled([f64::from(i), f64::from(i * i)], i % 7 < 3))
             .collect();
-        let (free, (_, held)) = (logistic(&samples, &[]).1, logistic(&samples, &[0, 1]));
+
+        let free = logistic(&samples, &[]).1;
+        let held = logistic(&samples, &[0, 1]).1;
+
         assert!(free.iter().any(|w| *w < 0.0), "{free:?}");
         assert!(held.iter().all(|w| *w >= 0.0), "{held:?}");
     }
 
     #[test]
     fn separable_samples_stay_finite() {
-        let samples: Vec<_> = (0..40).map(|i| ([f64::from(i), 1.0], i >= 20)).collect();
+        let samples: Vec<_> = (0..40)
+            .map(|i| labeled([f64::from(i), 1.0], i >= 20))
+            .collect();
+
         let (bias, weights) = logistic(&samples, &[]);
+
         assert!(bias.is_finite() && weights.iter().all(|w| w.is_finite()) && weights[0] > 0.1);
     }
 }

@@ -41,7 +41,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Fit the presence coefficients of a model on clips, and measure them on others.
+    /// Fit the presence coefficients of a model on clips; measured by cross-validation.
     Calibrate(CalibrateArgs),
     /// Measure flight mode on clips with absences: presence, returns, wrong targets.
     Evaluate(EvaluateArgs),
@@ -105,9 +105,6 @@ struct CalibrateArgs {
     /// First seed of the flights that are fitted to.
     #[arg(long, default_value_t = 910_000)]
     seed: u64,
-    /// First seed of as many flights that are only measured.
-    #[arg(long, default_value_t = 920_000)]
-    test_seed: u64,
     /// Weights file, or the name of a built-in model.
     #[arg(long)]
     model: Option<PathBuf>,

@@ -1,7 +1,7 @@
 //! How good a probability is.
 
-/// Area under the ROC curve: the chance that a positive has the higher number than a negative, ties counting half.
-/// `None` without both.
+/// Area under the ROC curve: the chance that a positive has the higher number than a negative, ties
+/// counting half. `None` without both.
 pub fn auroc(samples: &[(f64, bool)]) -> Option<f64> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -35,7 +35,8 @@ pub fn log_loss(samples: &[(f64, bool)]) -> f64 {
     samples.iter().map(loss).sum::<f64>() / samples.len().max(1) as f64
 }
 
-/// A line per tenth of probability: frames, mean probability, share on target; and the expected calibration error.
+/// A line per tenth of probability: frames, mean probability, share on target; and the expected
+/// calibration error.
 pub fn reliability(samples: &[(f64, bool)]) -> String {
     let (mut lines, mut error) = (String::from("presence    frames  mean   on target\n"), 0.0);
     for bin in 0..10 {
@@ -67,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn areas() {
+    fn areas_of_known_samples() {
         let sample = |p: f64, on: bool| (p, on);
         assert_eq!(auroc(&[sample(0.1, false), sample(0.9, true)]), Some(1.0));
         assert_eq!(auroc(&[sample(0.9, false), sample(0.1, true)]), Some(0.0));
@@ -88,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sure_and_right_probability_has_no_error() {
+    fn sure_and_right_probability_has_no_error() {
         let samples = [(1.0, true), (0.0, false)];
         assert_eq!(brier(&samples), 0.0);
         assert!(reliability(&samples).contains("calibration error 0.0000"));

@@ -149,8 +149,8 @@ impl Panning {
         })
     }
 
-    /// Shows a picture with the target in `target`, if it is there, or else near `last`. Returns the
-    /// target's box in the view and the share of it that is visible.
+    /// Shows a picture with the target in `target`, if it is there, or else near `last`. Returns
+    /// the target's box in the view and the share of it that is visible.
     pub fn show<'a>(
         &self,
         index: usize,

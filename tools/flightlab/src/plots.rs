@@ -65,7 +65,8 @@ pub fn write(folder: &Path, on_off: &Samples, visible_gone: &Samples) -> Result<
     Ok(())
 }
 
-/// Points of the ROC curve in percent, from the strictest threshold to the loosest that the plot shows; those that are hardly apart are left out.
+/// Points of the ROC curve in percent, from the strictest threshold to the loosest that the plot
+/// shows; points that are hardly apart are left out.
 fn roc(samples: &Samples) -> Vec<(f64, f64)> {
     let mut sorted = samples.to_vec();
     sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
