@@ -168,7 +168,7 @@ fn report(passes: &[Pass]) {
             100.0 * plain.precision(),
             100.0 * flight.auc(),
             100.0 * flight.precision(),
-            100.0 * here.1 as f64 / f64::from(u32::max(here.0 as u32, 1)),
+            100.0 * here.1 as f64 / f64::from(here.0.max(1)),
         );
         on += here.0;
         unbelieved += here.1;
