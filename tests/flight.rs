@@ -215,6 +215,9 @@ fn noise(i: usize) -> Vec<u8> {
     (0..3 * WIDTH * HEIGHT).map(|_| byte()).collect()
 }
 
+/// The pixels of the frame of a number.
+type Paint = dyn Fn(usize) -> Vec<u8>;
+
 #[test]
 fn picture_of_nothing_is_no_presence_and_moves_no_box() {
     let sky = |i: usize| -> Vec<u8> {
@@ -224,7 +227,7 @@ fn picture_of_nothing_is_no_presence_and_moves_no_box() {
             .map(|(row, noise)| row + noise % 4)
             .collect()
     };
-    let pictures: [(&str, &dyn Fn(usize) -> Vec<u8>); 4] = [
+    let pictures: [(&str, &Paint); 4] = [
         ("black", &|_| vec![0; 3 * WIDTH * HEIGHT]),
         ("white", &|_| vec![255; 3 * WIDTH * HEIGHT]),
         ("clear sky", &sky),
