@@ -121,7 +121,7 @@ pub enum Outcome {
     Refused(String),
     /// The source delivers no frames.
     NoFrames,
-    /// No frame came within [`LIFETIME`].
+    /// No frame came within `LIFETIME`.
     Expired,
     /// Too many commands wait.
     Busy,
