@@ -93,6 +93,9 @@ static BUILTIN: [(&str, &[u8]); 2] = [
     ("drmim-p75", include_bytes!("builtin/drmim-p75.safetensors")),
 ];
 
+/// Names of models that were built in once, and the model that takes their place for one release.
+const RETIRED: [(&str, &str); 1] = [("drmim-p82", "drmim-p75")];
+
 /// Whether a file begins as PyTorch's checkpoints do: as a zip archive or as a pickle.
 fn is_checkpoint(path: &Path) -> bool {
     let mut start = [0; 4];
@@ -117,8 +120,14 @@ impl Model {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
-    /// The weights that a user asks for: the built-in model of that name, or else a file. Without a
-    /// name, the standard model.
+    /// The built-in model that takes the place of one that is no longer built in.
+    pub fn successor(name: &Path) -> Option<&'static str> {
+        let retired = RETIRED.iter().find(|(old, _)| name == Path::new(old));
+        retired.filter(|_| !name.exists()).map(|(_, new)| *new)
+    }
+
+    /// The weights that a user asks for: the built-in model of that name or its
+    /// [successor](Self::successor), or else a file. Without a name, the standard model.
     ///
     /// # Errors
     /// As [`read`](Self::read). A PyTorch checkpoint and an unknown name are errors of their own.
@@ -126,6 +135,7 @@ impl Model {
         let Some(path) = model else {
             return Ok(Model::builtin_weights());
         };
+        let path = Model::successor(path).map_or(path, Path::new);
         if let Some((_, bytes)) = BUILTIN.iter().find(|(name, _)| path == Path::new(name)) {
             return Ok(Weights::from_bytes(bytes)?);
         }

@@ -473,6 +473,27 @@ fn small_model_given_by_name_is_used() {
 }
 
 #[test]
+fn retired_model_name_runs_its_successor_and_says_so() {
+    let folder = folder("cli-retired");
+    let (frames, init) = flight(3);
+    write_pngs(&folder, &frames);
+    let track = |model: &str| {
+        let input = text(&folder);
+        let args = ["track", "--input", input, "--init", &init, "--model", model];
+        run(args, b"")
+    };
+
+    let retired = track("drmim-p82");
+    let successor = track("drmim-p75");
+
+    assert!(retired.status.success(), "{}", stderr(&retired));
+    assert_eq!(stdout(&retired), stdout(&successor));
+    let note = "note: drmim-p82 is no longer built in; drmim-p75 takes its place";
+    assert!(stderr(&retired).contains(note), "{}", stderr(&retired));
+    assert!(!stderr(&successor).contains("note: drmim"));
+}
+
+#[test]
 fn int8_is_used_for_calibrated_models_only() {
     use weights_format::{Architecture, Weights, Widths};
     let bench = |more: &[&str]| {

@@ -83,6 +83,10 @@ impl EngineArgs {
 
     /// The model that [`Model::find`] finds, as it is to run.
     pub fn model(&self, name: Option<&Path>) -> Result<Model, ModelError> {
+        if let Some((old, new)) = name.and_then(|old| Some((old, Model::successor(old)?))) {
+            let old = old.display();
+            eprintln!("note: {old} is no longer built in; {new} takes its place");
+        }
         self.model_of(&Model::find(name)?)
     }
 
