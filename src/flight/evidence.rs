@@ -64,8 +64,8 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// All numbers, in the order of [`NAMES`].
-    pub fn to_array(&self) -> [f64; COUNT] {
+    /// Every field, in the order of [`NAMES`].
+    fn fields(&mut self) -> [&mut f64; COUNT] {
         let Evidence {
             score,
             second,
@@ -82,7 +82,7 @@ impl Evidence {
             response,
             contrast,
             colors,
-        } = *self;
+        } = self;
         [
             score,
             second,
@@ -102,42 +102,15 @@ impl Evidence {
         ]
     }
 
+    /// All numbers, in the order of [`NAMES`].
+    pub fn to_array(&self) -> [f64; COUNT] {
+        let mut copy = *self;
+        copy.fields().map(|value| *value)
+    }
+
     /// Replaces every number that is not finite by 0.
     fn make_finite(&mut self) {
-        let Evidence {
-            score,
-            second,
-            sharpness,
-            agreement,
-            identity,
-            likeness,
-            familiar,
-            margin,
-            shape,
-            score_drop,
-            identity_drop,
-            motion,
-            response,
-            contrast,
-            colors,
-        } = self;
-        for value in [
-            score,
-            second,
-            sharpness,
-            agreement,
-            identity,
-            likeness,
-            familiar,
-            margin,
-            shape,
-            score_drop,
-            identity_drop,
-            motion,
-            response,
-            contrast,
-            colors,
-        ] {
+        for value in self.fields() {
             if !value.is_finite() {
                 *value = 0.0;
             }
