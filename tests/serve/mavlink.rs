@@ -13,18 +13,7 @@ const REQUEST: MavCmd = MavCmd::MAV_CMD_REQUEST_MESSAGE;
 
 /// `serve` on a slow flight, so that a busy machine keeps up.
 fn serve(extra: &[&str]) -> Serving {
-    let args = [
-        "--input",
-        FLIGHT,
-        "--fps",
-        "10",
-        "--quiet",
-        "--max-age-ms",
-        "5000",
-        "--stall-ms",
-        "8000",
-    ];
-    Serving::start(&[&args[..], extra].concat())
+    Serving::start(&[&SLOW_FLIGHT[..], extra].concat())
 }
 
 #[test]

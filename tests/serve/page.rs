@@ -12,18 +12,7 @@ const START: &str = r#"{"rectangle": [0.43, 0.39, 0.56, 0.56]}"#;
 /// `serve` on a slow flight, with a page that has been reached.
 fn serve(extra: &[&str]) -> (Serving, Page) {
     let page = Page::new();
-    let args = [
-        "--input",
-        FLIGHT,
-        "--fps",
-        "10",
-        "--quiet",
-        "--max-age-ms",
-        "5000",
-        "--stall-ms",
-        "8000",
-    ];
-    let serving = Serving::start(&[&args[..], &page.options(), extra].concat());
+    let serving = Serving::start(&[&SLOW_FLIGHT[..], &page.options(), extra].concat());
     serving.wait_for("web page: ");
     (serving, page)
 }

@@ -16,6 +16,18 @@ use serde_json::Value;
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_track-cpu");
 /// A small flight whose target stands near the middle of the first frame.
 pub const FLIGHT: &str = "flight:seed=7,difficulty=easy,size=320x180";
+/// Options of a slow [`FLIGHT`], so that a busy machine keeps up.
+pub const SLOW_FLIGHT: [&str; 9] = [
+    "--input",
+    FLIGHT,
+    "--fps",
+    "10",
+    "--quiet",
+    "--max-age-ms",
+    "5000",
+    "--stall-ms",
+    "8000",
+];
 /// The target of [`FLIGHT`] in shares of the frame.
 pub const RECTANGLE: [f32; 4] = [0.4375, 0.39, 0.5625, 0.5556];
 /// How long anything may take on a busy machine.
