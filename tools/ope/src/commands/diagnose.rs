@@ -89,25 +89,10 @@ fn text(diagnosis: &Diagnosis) -> String {
     );
     table.extend_header(["losses".to_owned()]);
     for diagnosed in &diagnosis.trackers {
-        let shape = &diagnosed.shape;
         let mut row = vec![diagnosed.tracker.clone()];
         let percent = [diagnosed.precision, diagnosed.auc, diagnosed.on_target];
         row.extend(percent.map(|value| format!("{value:.1}")));
-        let fits = [
-            shape.aspect.slope,
-            shape.aspect.rmse,
-            shape.size.slope,
-            shape.size.rmse,
-        ];
-        row.extend(fits.map(|value| format!("{value:.2}")));
-        row.push(format!("{:.3}", shape.center_error));
-        row.push(format!("{:.3}", shape.mean_iou));
-        row.extend(
-            shape
-                .by_aspect
-                .iter()
-                .map(|bin| format!("{:.3}", bin.mean_iou)),
-        );
+        row.extend(diagnosed.shape.cells());
         row.push(diagnosed.losses.len().to_string());
         table.row(row);
     }

@@ -106,6 +106,23 @@ impl Fit {
 }
 
 impl Shape {
+    /// The figures as the cells of a table: slopes and deviations of aspect and size, the error of
+    /// the center, the mean IoU, and the mean IoU of each bin.
+    pub fn cells(&self) -> Vec<String> {
+        let fits = [
+            self.aspect.slope,
+            self.aspect.rmse,
+            self.size.slope,
+            self.size.rmse,
+        ];
+        let means = [self.center_error, self.mean_iou];
+        let bins = self.by_aspect.iter().map(|bin| bin.mean_iou);
+        let fits = fits.map(|value| format!("{value:.2}")).into_iter();
+        let means = means.into_iter().chain(bins);
+        fits.chain(means.map(|value| format!("{value:.3}")))
+            .collect()
+    }
+
     /// Sums frames up; zeros without frames.
     pub fn of(frames: impl IntoIterator<Item = Frame>) -> Shape {
         let frames: Vec<Frame> = frames.into_iter().collect();

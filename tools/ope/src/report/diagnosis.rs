@@ -89,25 +89,11 @@ pub fn section(diagnosis: &Diagnosis, sheets: &[Sheet]) -> String {
     header.push("losses".to_owned());
     let mut rows = Vec::new();
     for diagnosed in &diagnosis.trackers {
-        let shape = &diagnosed.shape;
         let mut row = vec![
             escape(&diagnosed.tracker),
             format!("{:.1}", diagnosed.on_target),
         ];
-        let fits = [
-            shape.aspect.slope,
-            shape.aspect.rmse,
-            shape.size.slope,
-            shape.size.rmse,
-        ];
-        row.extend(fits.map(|value| format!("{value:.2}")));
-        row.extend([shape.center_error, shape.mean_iou].map(|value| format!("{value:.3}")));
-        row.extend(
-            shape
-                .by_aspect
-                .iter()
-                .map(|bin| format!("{:.3}", bin.mean_iou)),
-        );
+        row.extend(diagnosed.shape.cells());
         row.push(diagnosed.losses.len().to_string());
         rows.push(row);
     }
