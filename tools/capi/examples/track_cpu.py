@@ -83,7 +83,8 @@ def _check(code):
 def _image(frame, format):
     """The picture as the library takes it, and the object to keep alive while it is used."""
     if frame is None:
-        raise ValueError("frame is None, expected a picture: cv2 gives None at the end of a video and for a missing file")
+        reason = "cv2 gives None at the end of a video and for a missing file"
+        raise ValueError(f"frame is None, expected a picture: {reason}")
     if isinstance(frame, tuple):
         data, width, height = frame
         pixel = _CHANNELS[format]
@@ -94,7 +95,8 @@ def _image(frame, format):
     array = getattr(frame, "__array_interface__", None)
     if array is None:
         kind = type(frame).__name__
-        raise ValueError(f"frame is a {kind}, expected an H x W x C array of uint8 or (bytes, width, height)")
+        expected = "an H x W x C array of uint8 or (bytes, width, height)"
+        raise ValueError(f"frame is a {kind}, expected {expected}")
     shape = array["shape"]
     strides = array.get("strides")
     if array["typestr"] != "|u1" or len(shape) not in (2, 3):
@@ -121,8 +123,8 @@ def _image(frame, format):
 class Tracker:
     """Follows one object. Calls from several threads wait for each other.
 
-    After os.fork a tracker of several threads raises Error in the child: make a new one there. A tracker cannot be copied
-    or pickled.
+    After os.fork a tracker of several threads raises Error in the child: make a new one there.
+    A tracker cannot be copied or pickled.
     """
 
     def __init__(self, model=None, threads=1):

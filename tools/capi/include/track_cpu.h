@@ -10,9 +10,10 @@
  *
  * Build the library with `cargo build --release -p capi`: target/release/libtrack_cpu_c.so (.dylib, track_cpu_c.dll).
  *
- * Each function that returns an int32_t returns one of the codes below; track_cpu_last_error() says what was expected
- * and found. Several threads may call functions on one tracker: the calls wait for each other. After fork() a tracker of
- * several threads returns TRACK_CPU_FORKED in the child; make a new one there. No picture is kept after a call. */
+ * Each function that returns an int32_t returns one of the codes below; track_cpu_last_error() says
+ * what was expected and found. Several threads may call functions on one tracker: the calls wait
+ * for each other. After fork() a tracker of several threads returns TRACK_CPU_FORKED in the child;
+ * make a new one there. No picture is kept after a call. */
 
 #ifndef TRACK_CPU_H
 #define TRACK_CPU_H
@@ -28,8 +29,10 @@ enum {
     TRACK_CPU_OK = 0,
     TRACK_CPU_ARGUMENT = 1, /* a pointer is null, or a number is none of those allowed */
     TRACK_CPU_MODEL = 2,    /* the weights file cannot be used */
-    TRACK_CPU_IMAGE = 3,    /* the picture is invalid: a side is 0 or above 32768, or the stride is shorter than a row */
-    TRACK_CPU_TARGET = 4,   /* the box has no area or lies outside the picture, or there is no target yet */
+    TRACK_CPU_IMAGE = 3,    /* the picture is invalid: a side is 0 or above 32768, or the stride is
+                               shorter than a row */
+    TRACK_CPU_TARGET = 4,   /* the box has no area or lies outside the picture, or there is no
+                               target yet */
     TRACK_CPU_DEFECT = 5,   /* a defect of the library; destroy the tracker */
     TRACK_CPU_FORKED = 6    /* the process was forked after this tracker had started its threads */
 };
@@ -57,8 +60,8 @@ typedef struct track_cpu_box {
     float x, y, w, h;
 } track_cpu_box;
 
-/* Makes a tracker from a weights file (UTF-8 path) or the built-in model of that name, or from the standard model if
- * NULL. 1 to 256 threads work on one frame. *out is NULL on failure. */
+/* Makes a tracker from a weights file (UTF-8 path) or the built-in model of that name, or from the
+ * standard model if NULL. 1 to 256 threads work on one frame. *out is NULL on failure. */
 int32_t track_cpu_create(const char *model_path, uint32_t threads, track_cpu_tracker **out);
 
 /* Takes the content of the box as the new target. On failure the old target stays. */
@@ -73,7 +76,7 @@ int32_t track_cpu_score(const track_cpu_tracker *tracker, float *out);
 /* Ends a tracker, which no other thread may be using; a no-op for NULL. */
 void track_cpu_destroy(track_cpu_tracker *tracker);
 
-/* Describes the last failure on this thread. Never NULL; lasts until the next call on this thread. */
+/* Describes the last failure on this thread. Never NULL; lasts until the next call there. */
 const char *track_cpu_last_error(void);
 
 /* The library's version, such as "0.1.0". */
