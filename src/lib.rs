@@ -36,6 +36,10 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+#[cfg(doctest)]
+#[doc = include_str!("../docs/guide/library.md")]
+struct LibraryGuide;
+
 pub mod bbox;
 pub mod config;
 pub mod error;
