@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Shows that a change leaves the kernels' machine code as it was.
 
-    kernels/disassembly.py dump FILE            builds the crate and writes its kernels' instructions
-    kernels/disassembly.py compare OLD NEW      lists the functions that differ, largest first
+    kernels/disassembly.py dump FILE          builds the crate and writes its kernels' instructions
+    kernels/disassembly.py compare OLD NEW    lists the functions that differ, largest first
 
 A kernel is every function that `Isa::run`, `Isa::run_dot`, `Simd::call` or `Dot::call` enters: all
 hot loops are inlined into one. Functions are matched by their instructions, not by name, so that a

@@ -5,9 +5,10 @@
     v/bin/python tests/ground_station.py target/release/track-cpu
     v/bin/python tests/ground_station.py target/release/track-cpu --soak 3600
 
-Pictures come from here, through standard input: a checkered target over a patchwork, which vanishes and comes back. Every
-check prints a line; the exit code is 1 if any fails. Not part of `cargo test`, which has the same dialogue in Rust. A soak
-goes on with it for so many seconds over a link that loses every hundredth packet, and looks for stalls and leaks.
+It sends pictures through standard input: a checkered target over a patchwork, which vanishes and
+comes back. Every check prints a line; the exit code is 1 if any fails. `cargo test` has the same
+dialogue in Rust. `--soak` repeats it for so many seconds over a link that loses every hundredth
+packet, and looks for stalls and leaks.
 """
 import argparse
 import os

@@ -3,10 +3,12 @@
 #
 #   tools/static.sh [TARGET]
 #
-# TARGET   aarch64-unknown-linux-musl if not given: every 64-bit ARM board with Linux (Raspberry Pi 3 to 5, Jetson, RK3588).
-#          x86_64-unknown-linux-musl is for PCs. Its standard library is installed by rustup; no C compiler is needed.
+# TARGET   aarch64-unknown-linux-musl (default): every 64-bit ARM board with Linux (Raspberry Pi 3
+#          to 5, Jetson, RK3588); x86_64-unknown-linux-musl is for PCs. rustup installs its standard
+#          library; no C compiler is needed.
 #
-# Prints the program's path. One program serves all boards of a target: instructions are chosen when it runs.
+# Prints the program's path. One program serves all boards of a target: it chooses its instructions
+# when it starts.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 target=${1:-aarch64-unknown-linux-musl}

@@ -1,10 +1,12 @@
 #!/bin/sh
-# Fuzzes what reads strangers' bytes: tools/fuzz/run.sh TARGET|all [SECONDS]. Needs a C++ compiler and xz; a stable Rust
-# is enough.
+# Fuzzes what reads strangers' bytes. Needs a C++ compiler and xz; a stable Rust is enough.
 #
-# Starts from the seeds (tools/fuzz/src/seeds.rs) and corpus/TARGET.tar.xz. Inputs that find new ways through the program
-# gather in work/TARGET, a finding is written to work/TARGET.found-*. `run.sh keep TARGET` packs the smallest set of inputs that
-# goes all the ways found into corpus/TARGET.tar.xz.
+#   tools/fuzz/run.sh TARGET|all [SECONDS]
+#   tools/fuzz/run.sh keep TARGET
+#
+# It starts from the seeds (tools/fuzz/src/seeds.rs) and corpus/TARGET.tar.xz. Inputs that reach new
+# code gather in work/TARGET; a finding is written to work/TARGET.found-*. `keep` packs the smallest
+# set of inputs with the same coverage into corpus/TARGET.tar.xz.
 set -eu
 cd "$(dirname "$0")"
 host=$(rustc -vV | sed -n 's/^host: //p')

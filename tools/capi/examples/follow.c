@@ -2,7 +2,8 @@
  *
  *     cargo build --release -p capi
  *     cc tools/capi/examples/follow.c -Itools/capi/include -Ltarget/release -ltrack_cpu_c -o follow
- *     ffmpeg -i flight.mp4 -f rawvideo -pix_fmt rgb24 - | LD_LIBRARY_PATH=target/release ./follow 1280 720 300 120 40 24 */
+ *     ffmpeg -i flight.mp4 -f rawvideo -pix_fmt rgb24 - |
+ *         LD_LIBRARY_PATH=target/release ./follow 1280 720 300 120 40 24 */
 
 #include "track_cpu.h"
 

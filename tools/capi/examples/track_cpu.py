@@ -1,13 +1,14 @@
-"""track-cpu from Python by ctypes: a tracker where cv2.TrackerNano stood. Needs nothing but the shared library.
+"""track-cpu from Python by ctypes: a replacement of cv2.TrackerNano. Needs only the shared library.
 
     import track_cpu
-    tracker = track_cpu.Tracker()                      # or Tracker(model="weights.safetensors", threads=2)
-    tracker.init(frame, (300, 120, 40, 24))            # frame: a NumPy array as cv2 has it, H x W x 3, BGR
-    ok, (x, y, w, h) = tracker.update(frame)           # not rounded
+    tracker = track_cpu.Tracker()              # or Tracker(model="weights.safetensors", threads=2)
+    tracker.init(frame, (300, 120, 40, 24))    # frame: a NumPy array as of cv2, H x W x 3, BGR
+    ok, (x, y, w, h) = tracker.update(frame)   # not rounded
     score = tracker.getTrackingScore()
 
-Instead of an array, a frame may be a PIL image or (bytes, width, height) of BGR pixels. The library is looked for where the variable
-TRACK_CPU_LIBRARY says, beside this file, and in target/release; `cargo build --release -p capi` makes it.
+A frame may also be a PIL image, or (bytes, width, height) of BGR pixels. The library is looked for
+where the variable TRACK_CPU_LIBRARY says, beside this file, and in target/release;
+`cargo build --release -p capi` makes it.
 
 Run as a program it follows an object through headerless RGB frames:
 
@@ -147,7 +148,7 @@ class Tracker:
         del kept
 
     def update(self, frame, format=BGR):
-        """Finds the target: True and its box. Whether it really is there, getTrackingScore() says."""
+        """Finds the target: True and its box; getTrackingScore() says how sure that is."""
         image, kept = _image(frame, format)
         box = _Box()
         _check(_library.track_cpu_update(self._handle, ctypes.byref(image), ctypes.byref(box)))

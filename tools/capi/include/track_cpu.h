@@ -1,14 +1,17 @@
 /* track-cpu: follows one object through video on a CPU.
  *
  *     track_cpu_tracker *tracker;
- *     if (track_cpu_create(NULL, 1, &tracker) != TRACK_CPU_OK) { puts(track_cpu_last_error()); return 1; }
+ *     if (track_cpu_create(NULL, 1, &tracker) != TRACK_CPU_OK) {
+ *         puts(track_cpu_last_error());
+ *         return 1;
+ *     }
  *     track_cpu_image image = {pixels, 640, 360, 0, TRACK_CPU_BGR};
  *     track_cpu_box box = {300, 120, 40, 24};
  *     track_cpu_init(tracker, &image, &box);
  *     while (next(&image)) track_cpu_update(tracker, &image, &box);
  *     track_cpu_destroy(tracker);
  *
- * Build the library with `cargo build --release -p capi`: target/release/libtrack_cpu_c.so (.dylib, track_cpu_c.dll).
+ * `cargo build --release -p capi` makes target/release/libtrack_cpu_c.so (.dylib, track_cpu_c.dll).
  *
  * Each function that returns an int32_t returns one of the codes below; track_cpu_last_error() says
  * what was expected and found. Several threads may call functions on one tracker: the calls wait
@@ -70,7 +73,8 @@ int32_t track_cpu_init(track_cpu_tracker *tracker, const track_cpu_image *image,
 /* Finds the target in the next picture, which may have another size. */
 int32_t track_cpu_update(track_cpu_tracker *tracker, const track_cpu_image *image, track_cpu_box *out);
 
-/* How sure the tracker is of the last box, from 0 to 1: OpenCV's getTrackingScore(). 1 after track_cpu_init. */
+/* How sure the tracker is of the last box, from 0 to 1, as OpenCV's getTrackingScore(); 1 after
+ * track_cpu_init. */
 int32_t track_cpu_score(const track_cpu_tracker *tracker, float *out);
 
 /* Ends a tracker, which no other thread may be using; a no-op for NULL. */

@@ -2,9 +2,9 @@
 
     ope run ... --tracker 'python nanotrack.py MODELS {frames} {init} {out} {times}'
 
-MODELS holds nanotrack_backbone.onnx and nanotrack_head.onnx as HonglinChu/SiamTrackers publishes them
-under NanoTrack/models/nanotrackv3. Needs numpy, onnx, onnxruntime and opencv-python-headless. One
-thread; the clock runs during init and update only.
+MODELS holds nanotrack_backbone.onnx and nanotrack_head.onnx as HonglinChu/SiamTrackers publishes
+them under NanoTrack/models/nanotrackv3. Needs numpy, onnx, onnxruntime and opencv-python-headless.
+One thread; the clock runs during init and update only.
 
 The network is theirs. Cropping and the choice of a box are written anew after SiamRPN++ (Li et al.,
 CVPR 2019) with the constants of their configv3.yaml.
@@ -44,7 +44,7 @@ def session(path):
 
 
 def crop(image, center, side, size, fill):
-    """A square of whole pixels around a center, filled up with the mean color, as [1, 3, size, size]."""
+    """A square of whole pixels around a center, padded with the mean color: [1, 3, size, size]."""
     half = (side + 1) / 2
     left, top = (int(np.floor(c - half + 0.5)) for c in center)
     height, width = image.shape[:2]

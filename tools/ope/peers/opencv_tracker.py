@@ -2,8 +2,8 @@
 
     ope run ... --tracker 'python opencv_tracker.py KCF {frames} {init} {out} {times}'
 
-KCF and CSRT are in opencv-contrib-python, MOSSE in its legacy part. One thread; the clock runs during init and update
-only. Where a tracker says that it lost the target, its last box is written again.
+KCF and CSRT are in opencv-contrib-python, MOSSE in its legacy part. One thread; the clock runs
+during init and update only. When a tracker reports a loss, its last box is written again.
 """
 
 import sys

@@ -1,18 +1,19 @@
 #!/usr/bin/env bash
-# Our tracker beside OpenCV's KCF, CSRT and MOSSE on the same sequences, as the tables of docs/results.md:
+# Our tracker beside OpenCV's KCF, CSRT and MOSSE on the same sequences, for docs/results.md.
 #
 #   tools/ope/peers/run.sh SEQUENCES [FOLDER]
 #
-# SEQUENCES   folders with pictures and groundtruth*.txt at any depth. A meta.json beside may say {"in_train": true};
-#             boxes that the authors of DR-MIM published for a sequence are taken from drmim_authors_result.txt
-# FOLDER      where results go, by default target/peers. Results that are there are not made again, except ours
+# SEQUENCES   folders with pictures and groundtruth*.txt at any depth; a meta.json beside may say
+#             {"in_train": true}, and a drmim_authors_result.txt hold the boxes that the authors of
+#             DR-MIM published
+# FOLDER      where results go, by default target/peers; results that exist are kept, except ours
 # OPE         the program; built by cargo if not set
 # MODEL       a weights file in place of the built-in model
 # NANOTRACK   the folder NanoTrack/models/nanotrackv3 of HonglinChu/SiamTrackers
-# PEERS_VENV  a Python environment with opencv-contrib-python, made if it is not there; for NanoTrackV3
-#             also onnx and onnxruntime
-# DOCUMENT    the file whose part between `<!-- peers -->` and `<!-- /peers -->` is re-written, by default
-#             docs/results.md; plots go to the folder plots beside it
+# PEERS_VENV  a Python environment with opencv-contrib-python, made if absent; for NanoTrackV3 also
+#             onnx and onnxruntime
+# DOCUMENT    the file whose part between `<!-- peers -->` and `<!-- /peers -->` is rewritten, by
+#             default docs/results.md; plots go to the folder plots beside it
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../../.." && pwd)

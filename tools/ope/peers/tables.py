@@ -1,4 +1,4 @@
-"""Scores the results that run.sh made, on all sequences and on parts of them, into a Markdown document."""
+"""Scores the results of run.sh, on all sequences and on parts of them, into a Markdown document."""
 
 import json
 import os

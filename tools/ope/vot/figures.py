@@ -1,4 +1,4 @@
-"""Prints what the toolkit's analysis of a workspace says, as a Markdown table: figures.py WORKSPACE"""
+"""Prints the toolkit's analysis of a workspace as a Markdown table: figures.py WORKSPACE"""
 
 import glob
 import json

@@ -1,11 +1,14 @@
 #!/usr/bin/env bash
-# track-cpu under the real VOT toolkit: `vot test` at every protocol version, then multi-start, supervised, realtime and
-# long-term runs over rendered flights, and their analysis. Ends with an error if the toolkit or the tracker reported one.
+# track-cpu under the real VOT toolkit.
 #
-#   tools/ope/vot/run.sh [FOLDER]          all of it goes to FOLDER, by default target/vot; it is made anew
+#   tools/ope/vot/run.sh [FOLDER]       all of it goes to FOLDER, by default target/vot; made anew
+#
+# Runs `vot test` at every protocol version, then multi-start, supervised, realtime and long-term
+# experiments over rendered flights, and their analysis. Fails if the toolkit or the tracker reports
+# an error.
 #
 # TRACK_CPU, OPE      the programs; built by cargo if not set
-# VOT_VENV            a Python environment with the toolkit, made if it is not there (600 MB); then no network is needed
+# VOT_VENV            a Python environment with the toolkit (600 MB), made if absent
 # FLIGHTS, FRAMES     how many flights, and frames in each; DIFFICULTY: easy, medium or hard
 # TRACK_CPU_OPTIONS   options of `track-cpu trax`, such as --model FILE
 set -euo pipefail
