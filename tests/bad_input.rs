@@ -277,7 +277,7 @@ fn options() -> Vec<Case> {
         track(
             "end before start",
             "--start 1 --end 1",
-            Fails(INPUT, "1..1 are none"),
+            Fails(INPUT, "1..1 are an empty range"),
         ),
         track(
             "start behind the last frame",
@@ -482,7 +482,7 @@ fn pictures(init: &str) -> Vec<Case> {
             Fails(INPUT, "found none"),
         ),
         track(
-            "pattern that is none",
+            "malformed pattern",
             "good/[",
             Fails(INPUT, "glob pattern"),
         ),

@@ -1,7 +1,7 @@
 //! Every instruction set, in both precisions, gives the golden boxes of a rendered sequence.
 //!
 //! The boxes in `golden/rungs.txt` are those of the portable kernels in `f32`. `UPDATE_GOLDEN=1`
-//! writes them anew, which a change of the built-in model needs. `RUNGS_FRAMES`, `RUNGS_PRECISION`
+//! rewrites them, as a change of the built-in model needs. `RUNGS_FRAMES`, `RUNGS_PRECISION`
 //! and `RUNGS_ISA` shorten the run for emulators.
 
 use std::path::Path;

@@ -155,7 +155,7 @@ fn loss(first: &[Score], second: &[Score]) -> Score {
 
 /// `golden/accuracy.csv`: scores of the built-in models in `f32` with AVX-512.
 ///
-/// `UPDATE_GOLDEN=1` writes the file anew.
+/// `UPDATE_GOLDEN=1` rewrites the file.
 fn golden_path() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/accuracy.csv")
 }

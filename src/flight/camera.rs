@@ -40,7 +40,7 @@ const SURPRISE: f64 = 0.8;
 const SUPPORT: f64 = 0.05;
 /// Share that supports any motion.
 const FULL_SUPPORT: f64 = 0.15;
-/// Mean difference from which on two pictures have nothing in common: independent ones have 20.
+/// Mean difference above which two pictures have nothing in common; independent ones have 20.
 const NOISE: f64 = 16.0;
 
 /// Weight of the motion before, as a share of the picture's weight along its best direction.

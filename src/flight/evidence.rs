@@ -140,7 +140,7 @@ pub(crate) struct Witness {
     pub findings: Vec<Finding>,     // the first of the candidates, with their evidence
 }
 
-/// Score from which on a candidate that was not chosen is worth judging.
+/// Least score of a candidate that was not chosen but is worth judging.
 const SLIGHT: f64 = 0.02;
 /// Share of a new observation in the running means, per second since the last one.
 const LEARNING: f64 = 1.5;

@@ -47,7 +47,7 @@ impl Judge {
         }
     }
 
-    /// Starts anew with the target in `bbox`.
+    /// Starts over with the target in `bbox`.
     pub(super) fn begin(&mut self, frame: &Frame<'_>, bbox: &FrameBox) {
         *self = Judge::new(self.presence);
         self.colors.learn(frame, bbox, 1.0, 0.0);

@@ -71,16 +71,16 @@ pub struct FlightTracker {
 const FRESH: f64 = 0.33;
 /// Log-odds below which a re-acquisition is taken back.
 const REFUTED: f64 = -2.0;
-/// Presence from which on the plain tracker learns: what hides the target must not be learned, but
-/// a target that is only likely must, lest the tracker be worse than on its own.
+/// Least presence at which the plain tracker learns. It must not learn an occluder, but must learn
+/// a target that is merely likely, or it would track worse than on its own.
 const LEARNED_FROM: f64 = 0.4;
 /// Score below which a look at the target's place is empty, if the filter agrees.
 const EMPTY_SCORE: f64 = 0.3;
 /// Response of the filter below which it agrees.
 const EMPTY_RESPONSE: f64 = 0.3;
-/// Log-odds by which another place must look more like the target than what is followed.
+/// Log-odds by which another place must look more like the target than the followed box.
 const BETTER: f64 = 1.0;
-/// Distance from the predicted place, in target sides, from which on coasting starts at the last
+/// Least distance from the predicted place, in target sides, at which coasting starts at the last
 /// box.
 const STRAYED: f64 = 1.5;
 /// Shortest and longest time from frame to frame that counts, in seconds.

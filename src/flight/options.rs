@@ -16,9 +16,9 @@ pub struct FlightOptions {
     pub cores: Cores,
     /// Hyper-parameters of the plain tracker.
     pub config: TrackConfig,
-    /// Presence from which on the target counts as seen.
+    /// Least presence at which the target counts as seen.
     pub present: f64,
-    /// Presence from which on its motion is believed.
+    /// Least presence at which its motion is believed.
     pub sure: f64,
     /// Presence below which an empty look counts as absence.
     pub absent: f64,
@@ -67,7 +67,7 @@ pub enum Conduct {
 pub enum Budget {
     /// As many searches as should fit into this time.
     Deadline(Duration),
-    /// Exactly so many searches, where there is something to search for: the same on every machine.
+    /// Exactly this many searches, if there is something to search for; alike on every machine.
     Searches(u32),
 }
 
@@ -86,7 +86,7 @@ pub struct FlightTrack {
     pub searches: u32,
 }
 
-/// Presence from which on a box is worth acting on: few boxes on the target are below it.
+/// Least presence of a box that is worth acting on; few boxes on the target are below it.
 pub const BELIEVED: f32 = 0.4;
 
 impl FlightTrack {

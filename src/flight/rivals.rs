@@ -9,11 +9,11 @@ use crate::bbox::FrameBox;
 
 /// Most rivals that are followed.
 const MOST: usize = 8;
-/// Score from which on a candidate may be a known rival.
+/// Least score of a candidate that may be a known rival.
 const SCORE: f32 = 0.1;
-/// Score from which on a candidate may be a new rival.
+/// Least score of a candidate that may be a new rival.
 const NEW_SCORE: f32 = 0.3;
-/// Distance from the target, in its sides, from which on a candidate is no part of it.
+/// Least distance from the target, in its sides, of a candidate that is not a part of it.
 const APART: f64 = 0.8;
 /// Least distance from its prediction, in sides, within which a rival is recognized.
 const SAME: f64 = 0.6;

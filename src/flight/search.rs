@@ -393,7 +393,7 @@ impl Search {
         })
     }
 
-    /// The sweep's next tile and its zoom; a sweep that has ended begins anew.
+    /// The sweep's next tile and its zoom; a sweep that has ended starts over.
     fn next_tile(&mut self, means: &Means<'_>, size: &FrameBox) -> Option<((f32, f32), f64)> {
         self.sweep.next().or_else(|| {
             let side = f64::from(size.w * size.h).sqrt();

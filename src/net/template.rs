@@ -35,7 +35,7 @@ impl Template {
         &self.features
     }
 
-    /// Starts anew with the first frame's identity-related features and neck features.
+    /// Starts again from the first frame's identity-related features and neck features.
     pub(crate) fn set(&mut self, identity: &Map, neck: &TaskMaps) {
         self.features = TemplateFeatures {
             cls: neck.cls.clone(),

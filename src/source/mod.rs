@@ -53,7 +53,7 @@ pub use stretch::Stretch;
 /// films, of which every frame counts.
 pub const LIVE_SCHEMES: [&str; 5] = ["rtsp://", "rtmp://", "udp://", "tcp://", "srt://"];
 
-/// Most bytes of one decoded picture: a bound on what a stranger's file can make us allocate.
+/// Most bytes of one decoded picture: a bound on the memory that an untrusted file can claim.
 pub const MAX_FRAME_BYTES: u64 = 512 << 20;
 
 /// Most buffers kept for reuse.
@@ -154,7 +154,7 @@ impl Source {
         if let Some(end) = input.end.filter(|&end| end <= input.start) {
             let start = input.start;
             let reason =
-                format!("frames {start}..{end} are none, expected an end behind the start");
+                format!("frames {start}..{end} are an empty range, expected an end behind the start");
             return Err(SourceError::Format {
                 input: label,
                 reason,

@@ -33,7 +33,7 @@ pub(crate) struct Choice {
     pub penalized_score: f64,
 }
 
-/// Share of the response's maximum from which on the online filter agrees with a box.
+/// Least share of the response's maximum at which the online filter agrees with a box.
 const AGREED: f64 = 0.5;
 /// Least response at the filter's peak that may move a box.
 const CLEAR: f32 = 0.3;

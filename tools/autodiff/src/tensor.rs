@@ -76,7 +76,7 @@ impl Tensor {
         self.data[0]
     }
 
-    /// Extents of a batch of maps. Panics, naming `what` asked for them, if it is none.
+    /// Extents of a batch of maps. Panics, naming the caller `what`, if the tensor is not one.
     pub(crate) fn maps(&self, what: &str) -> Maps {
         let [batch, h, w, channels] = self.shape[..] else {
             panic!(

@@ -82,8 +82,8 @@ impl track_cpu_tracker {
             if self.threads > 1 {
                 return Err(Failure::Forked);
             }
-            // Whoever held the lock during the fork does not exist here, so nobody would ever
-            // release it.
+            // The thread that held the lock during the fork does not exist here, so nobody would
+            // ever release it.
             return self.target.try_lock().map_err(|error| match error {
                 TryLockError::WouldBlock => Failure::Forked,
                 TryLockError::Poisoned(_) => poisoned(),

@@ -12,7 +12,7 @@
 //! | `checkpoint/torch` | storages, tensors and the functions that rebuild them |
 //! | `report` | tables for people |
 //!
-//! A checkpoint is a stranger's file: nothing in it is executed, every size is bounded before it is
+//! A checkpoint is untrusted: nothing in it is executed, every size is bounded before it is
 //! used, and whatever is wrong with it is an error that says where.
 
 #![forbid(unsafe_code)]

@@ -198,7 +198,7 @@ fn pickles() {
             "expected 4294967295 more bytes, found the end after 1",
         ),
         (
-            "a string that is none",
+            "a value that is no string",
             only(p().raw(b"U\x02\xc3\x28")),
             "a string in UTF-8",
         ),
@@ -305,7 +305,7 @@ fn pickles() {
             "key \"a\": expected one entry, found two",
         ),
         (
-            "a state dict that is none",
+            "a value that is no state dict",
             only(p().raw(b"}").text("model_state_dict").raw(b"Ns")),
             "model_state_dict: expected a dict, found None",
         ),

@@ -17,7 +17,7 @@ use crate::{Failure, FlightArgs, FootageArgs};
 pub const VISIBLE: f32 = 0.25;
 /// Share below which it counts as gone.
 pub const GONE: f32 = 0.05;
-/// IoU from which on a box is on an object.
+/// Least IoU of a box that is on an object.
 pub const ON: f32 = 0.3;
 /// IoU below which it is off it.
 pub const OFF: f32 = 0.1;
@@ -60,7 +60,7 @@ pub struct Footage {
     stills: Vec<PathBuf>,
 }
 
-/// Whether a box is on the target; `None` where that is a matter of taste.
+/// Whether a box is on the target; `None` where it is neither on nor off it.
 pub fn is_on(found: &BBox, truth: &Truth) -> Option<bool> {
     let iou = found.iou(&truth.bbox);
     if truth.visible <= GONE || iou < OFF {

@@ -28,7 +28,7 @@ const UNSEEN: u32 = 90;
 pub struct Sample {
     /// What spoke for the box.
     pub evidence: Evidence,
-    /// Whether the box was on the target; `None` where that is a matter of taste.
+    /// Whether the box was on the target; `None` where it was neither on nor off it.
     pub on: Option<bool>,
     /// Whether the target was gone altogether.
     pub gone: bool,

@@ -23,7 +23,7 @@ pub fn auroc(samples: &[(f64, bool)]) -> Option<f64> {
         .then(|| (rank_sum - positives * (positives + 1.0) / 2.0) / (positives * negatives))
 }
 
-/// Mean squared difference of the probability and what was.
+/// Mean squared difference of the probability and the truth.
 pub fn brier(samples: &[(f64, bool)]) -> f64 {
     let error = |(p, on): &(f64, bool)| (p - f64::from(u8::from(*on))).powi(2);
     samples.iter().map(error).sum::<f64>() / samples.len().max(1) as f64

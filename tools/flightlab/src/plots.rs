@@ -39,7 +39,7 @@ pub fn write(folder: &Path, on_off: &Samples, visible_gone: &Samples) -> Result<
     let roc = lines(&axes, &series, false);
     let (x, y) = ("presence [%]", "boxes on the target [%]");
     let axes = Axes {
-        title: "Presence and what was",
+        title: "Presence and truth",
         x,
         y,
         x_min: 0.0,
@@ -48,7 +48,7 @@ pub fn write(folder: &Path, on_off: &Samples, visible_gone: &Samples) -> Result<
     };
     let series = [
         Series {
-            label: "as it should be".into(),
+            label: "ideal".into(),
             points: vec![(0.0, 0.0), (100.0, 100.0)],
         },
         Series {

@@ -43,20 +43,19 @@ Examples:
 /// The sub-commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run a tracker over a benchmark: this repository's, or another program. Goes on where an
-    /// earlier run ended.
+    /// Run a tracker over a benchmark: this repository's, or another program. Continues an
+    /// interrupted run.
     Run(RunArgs),
     /// Put this repository's tracker near the target in every frame, and count how often it finds
     /// it.
     Step(StepArgs),
-    /// Make one folder of the results that shards wrote.
+    /// Merge the results of several shards into one folder.
     Merge(MergeArgs),
-    /// Hold a folder of results against a folder of annotations.
+    /// Score a folder of results against annotations.
     Score(ScoreArgs),
-    /// Set several trackers side by side: tables, plots as SVG.
+    /// Compare several trackers: tables, plots as SVG.
     Compare(CompareArgs),
-    /// Say what is wrong with boxes: whether they follow the target's shape, and what they are lost
-    /// to.
+    /// Diagnose boxes: whether they follow the target's shape, and why a target was lost.
     Diagnose(DiagnoseArgs),
     /// Write a comparison as one HTML page with plots, sortable tables and frames of the worst
     /// failures.

@@ -216,7 +216,7 @@ struct Header {
 }
 
 impl Header {
-    /// Reads a header; `None` if the line is none, or does not name all of a box.
+    /// Reads a header; `None` if the line is not one, or does not name all of a box.
     fn read(line: &str) -> Option<Header> {
         let is_separator = |c: char| c == ',' || c == ';' || c.is_whitespace();
         let names: Vec<String> = line

@@ -13,7 +13,7 @@ pub const LIFETIME: Duration = Duration::from_secs(2);
 const POINT_SIDE: f32 = 0.12;
 /// Smallest side of a box in pixels.
 const MIN_SIDE: f32 = 2.0;
-/// Share of the frame's width and height from which on a box is the whole frame.
+/// Least share of the frame's width and height of a box that counts as the whole frame.
 const WHOLE: f32 = 0.95;
 
 /// What is to be followed.
@@ -54,7 +54,7 @@ impl Target {
                     .max(8.0);
                 FrameBox::new(x * w - side / 2.0, y * h - side / 2.0, side, side)
             }
-            // Whoever names pixels knows the frame; the tracker judges the box.
+            // A client that names pixels knows the frame; the tracker judges the box.
             Target::Pixels(bbox) => return Ok(bbox),
         };
         if bbox.w < MIN_SIDE || bbox.h < MIN_SIDE {

@@ -240,7 +240,7 @@ mod tests {
     use crate::slot::Next;
     use std::sync::mpsc::{Receiver, Sender, channel};
 
-    /// A camera that delivers so many frames and then hangs until it is stopped.
+    /// A camera that delivers a number of frames and then hangs until it is stopped.
     struct Hanging {
         left: usize,
         stop: Sender<()>,

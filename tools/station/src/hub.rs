@@ -20,9 +20,9 @@ const MAX_INTERVAL: Duration = Duration::from_secs(1);
 /// How old things may become.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Age of a frame from which on its report is stale.
+    /// Age of a frame above which its report is stale.
     pub max_age: Duration,
-    /// Silence of a source from which on it is stalled.
+    /// Silence after which a source is stalled.
     pub stall: Duration,
 }
 

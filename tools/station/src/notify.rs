@@ -2,7 +2,7 @@
 //!
 //! `READY=1` is sent with the first frame; until then the start is extended and `STATUS` says what
 //! is waited for. `WATCHDOG=1` is sent by the tracking thread every second, unless the source is
-//! stalled: systemd then starts the program anew.
+//! stalled: systemd then restarts the program.
 
 #[cfg(unix)]
 use std::os::unix::net::UnixDatagram;

@@ -218,7 +218,7 @@ fn numbers(bbox: &FrameBox) -> Value {
         .into()
 }
 
-/// A number with so many decimals; JSON has no NaN, which becomes null.
+/// A number with a given count of decimals; NaN, which JSON lacks, becomes null.
 fn rounded(number: f64, decimals: i32) -> Value {
     let scale = 10f64.powi(decimals);
     Value::from((number * scale).round() / scale)

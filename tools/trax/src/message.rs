@@ -91,10 +91,10 @@ impl Message {
             .map(|(_, value)| value.as_str())
     }
 
-    /// The message on a line; `None` if it has no prefix and so is none.
+    /// The message on a line; `None` if it lacks the prefix of messages.
     ///
     /// # Errors
-    /// If a quote does not end or the message is none that is known.
+    /// If a quote does not end or the message is unknown.
     pub fn parse(line: &str) -> Option<Result<Message, Error>> {
         let rest = line.strip_prefix(PREFIX)?;
         Some(words(rest.trim_end_matches(['\r', '\n'])).and_then(Message::of))

@@ -60,11 +60,11 @@ pub struct ServeArgs {
     /// Time for one frame; the search for a lost target uses what is left of it.
     #[arg(long, value_name = "MS", default_value = "33", value_parser = milliseconds)]
     pub deadline_ms: Duration,
-    /// Age of a frame from which on its result is withheld, and nothing moves by it.
+    /// Age of a frame above which its result is withheld, and nothing moves by it.
     #[arg(long, value_name = "MS", default_value = "250", value_parser = milliseconds)]
     pub max_age_ms: Duration,
-    /// Silence from which on the source is stalled: outputs say so, and a camera or stream is
-    /// opened again.
+    /// Silence after which the source is stalled: outputs say so, and a camera or stream is
+    /// reopened.
     #[arg(long, value_name = "MS", default_value = "2000", value_parser = milliseconds)]
     pub stall_ms: Duration,
     /// Send every JSON line to this address as well, one UDP datagram each.
@@ -99,7 +99,7 @@ pub struct LogArgs {
     /// flight's folder is kept, and the new one gets a number.
     #[arg(long, value_name = "DIR", requires = "log")]
     log_frames: Option<PathBuf>,
-    /// Size from which on the log goes on in a new file.
+    /// Size at which the log continues in a new file.
     #[arg(long, value_name = "MB", default_value_t = 64, requires = "log",
         value_parser = clap::value_parser!(u64).range(1..=100_000))]
     log_size: u64,

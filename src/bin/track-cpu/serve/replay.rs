@@ -96,7 +96,7 @@ fn repeat(
     frames: &mut Frames,
     log: &Reader,
 ) -> Result<Option<FrameBox>, Failure> {
-    // An earlier frame may have to be read anew, so it is read before this one.
+    // An earlier frame may have to be read again, so it is read before this one.
     let mut fresh = None;
     for asked in &entry.asked {
         fresh = None;

@@ -81,8 +81,8 @@ pub fn global(module: &str, name: &str) -> Option<Global> {
 
 /// Whether a global of that qualified name runs code or reads files when it is called.
 ///
-/// Nothing is called here, whatever the name. The list is a courtesy to whoever opens the
-/// checkpoint with Python next.
+/// Nothing is called here, whatever the name. The list warns a user who may open the checkpoint
+/// with Python next.
 pub fn runs_code(name: &str) -> bool {
     const MODULES: [&str; 17] = [
         "os",

@@ -49,7 +49,7 @@ impl StateDict {
     /// [`unfold`](crate::unfold) made.
     ///
     /// # Errors
-    /// If the file cannot be read or is none of these.
+    /// If the file cannot be read or has none of these formats.
     pub fn read(path: &Path) -> Result<StateDict, Error> {
         let bytes = crate::convert::read(path).map_err(|error| Error::Unreadable {
             path: path.into(),

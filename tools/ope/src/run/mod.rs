@@ -50,7 +50,7 @@ pub struct Program {
 pub enum Manner {
     /// All at once, by its command line.
     Files,
-    /// One at a time, by the TraX protocol. The program is started anew for each sequence.
+    /// One at a time, by the TraX protocol. The program is restarted for each sequence.
     Trax,
 }
 

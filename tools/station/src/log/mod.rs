@@ -45,7 +45,7 @@ pub struct LogOptions {
     /// Folder for the tracked frames; an earlier flight's folder is kept, and the new one gets a
     /// number.
     pub frames: Option<PathBuf>,
-    /// Bytes from which on the log goes on in a new file.
+    /// Bytes after which the log continues in a new file.
     pub max_file: u64,
     /// Bytes of all files of this name, above which the oldest ones are removed.
     pub max_total: u64,

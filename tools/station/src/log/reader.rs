@@ -93,7 +93,7 @@ impl Reader {
     /// The next frame's line; `None` at the end.
     ///
     /// # Errors
-    /// If a line is none of a log.
+    /// If a line does not belong in a log.
     #[expect(clippy::should_implement_trait, reason = "an iterator cannot fail")]
     pub fn next(&mut self) -> Result<Option<Entry>, Error> {
         while let Some(line) = self.line()? {
@@ -108,7 +108,7 @@ impl Reader {
                 let entry = Entry::from_json(&line);
                 return entry
                     .map(Some)
-                    .ok_or_else(|| self.wrong("holds a line that is none of a log"));
+                    .ok_or_else(|| self.wrong("holds a line that does not belong in a log"));
             }
         }
         Ok(None)

@@ -7,11 +7,11 @@ use std::fmt;
 pub enum Address {
     /// Datagrams to this host and port.
     UdpOut(String),
-    /// Datagrams from whoever sends them to this address.
+    /// Datagrams from anyone who sends them to this address.
     UdpIn(String),
     /// A connection to this host and port.
     TcpOut(String),
-    /// Connections from whoever opens them to this address.
+    /// Connections from anyone who opens them to this address.
     TcpIn(String),
     /// A serial port: its device and bits per second.
     Serial(String, u32),

@@ -105,7 +105,7 @@ const MAX_AT_ONCE: usize = 64;
 /// Starts the thread of each link; a link is opened by its own thread.
 ///
 /// # Errors
-/// If the key cannot be read or an address is none.
+/// If the key cannot be read or an address is malformed.
 pub fn start(options: &MavlinkOptions, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, Error> {
     if options.links.is_empty() {
         return Ok(Vec::new());

@@ -86,7 +86,7 @@ enum Control {
     Free,
     /// This program, since this moment.
     Ours { since: Instant },
-    /// This program still sends so many zero rates before it gives control back.
+    /// This program sends the remaining zero rates, then gives control back.
     Stopping { zeros: u32 },
     /// Another owner; this program waits for a target that is chosen after this many starts.
     Theirs { starts: u64 },

@@ -57,8 +57,8 @@ pub struct Fit {
     /// Continue the run of this checkpoint, with its data and training options.
     #[arg(long, value_name = "CKPT", conflicts_with_all = ["data", "init"])]
     pub resume: Option<PathBuf>,
-    /// Remove the results of an earlier run from the folder; without, a folder with results is
-    /// refused.
+    /// Remove the results of an earlier run from the folder; without this option, a folder with
+    /// results is refused.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     /// Start from the parameters of this file: a checkpoint, a weights file, or a file of
@@ -153,8 +153,8 @@ pub struct Tune {
     #[command(flatten)]
     pub measure: Measure,
     /// A folder of sequences on which the shares of template update and online filter are chosen;
-    /// may be given several times. Without, they stay. Rendered flights do not do: a rendered
-    /// target always looks the same.
+    /// may be given several times. Without it they stay as they are. Rendered flights are
+    /// unsuitable: a rendered target always looks the same.
     #[arg(long, value_name = "DIR")]
     pub validate: Vec<PathBuf>,
     /// Four passes over each sequence: from its first and middle frame forwards, from its last and

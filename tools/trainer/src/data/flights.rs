@@ -11,8 +11,8 @@ use track_cpu::BBox;
 /// Flights that samples draw their pairs from.
 ///
 /// The flights of a sample depend on its index alone: a window over the sequence of flights
-/// advances by one flight every so many samples. A flight is rendered for the first sample that
-/// uses it.
+/// advances by one flight after a fixed number of samples. A flight is rendered for the first
+/// sample that uses it.
 #[derive(Debug)]
 pub struct Flights {
     seed: u64,

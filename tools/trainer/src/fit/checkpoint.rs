@@ -28,7 +28,7 @@ pub struct Position {
     pub step: u64,
     /// Seconds of training.
     pub seconds: f64,
-    /// Whether the run is over, and batch statistics were estimated anew.
+    /// Whether the run is over, with batch statistics re-estimated.
     pub finished: bool,
     /// The best validation so far and its step.
     pub best: Option<(f64, u64)>,
@@ -133,7 +133,7 @@ pub enum Form {
 /// Detects the kind of a file.
 ///
 /// # Errors
-/// If it cannot be read or is none of them.
+/// If it cannot be read or has none of these formats.
 pub fn form(path: &Path) -> Result<Form, Error> {
     let expected = "a training checkpoint, a weights file, or what `convert --to trainer` writes";
     let bytes = read(path)?;

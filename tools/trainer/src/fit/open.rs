@@ -51,7 +51,7 @@ impl Fit {
     /// `convert --to trainer`, or a weights file.
     ///
     /// # Errors
-    /// If the file is none of these, or is incomplete.
+    /// If the file has none of these formats, or is incomplete.
     pub fn open(path: &Path) -> Result<Fit, Error> {
         match checkpoint::form(path)? {
             checkpoint::Form::Checkpoint => {
