@@ -481,11 +481,7 @@ fn pictures(init: &str) -> Vec<Case> {
             "good/*.jpg",
             Fails(INPUT, "found none"),
         ),
-        track(
-            "malformed pattern",
-            "good/[",
-            Fails(INPUT, "glob pattern"),
-        ),
+        track("malformed pattern", "good/[", Fails(INPUT, "glob pattern")),
         track(
             "folder inside a file",
             "a.jpg/img",

@@ -153,8 +153,9 @@ impl Source {
         let label = input.location.display().to_string();
         if let Some(end) = input.end.filter(|&end| end <= input.start) {
             let start = input.start;
-            let reason =
-                format!("frames {start}..{end} are an empty range, expected an end behind the start");
+            let reason = format!(
+                "frames {start}..{end} are an empty range, expected an end behind the start"
+            );
             return Err(SourceError::Format {
                 input: label,
                 reason,

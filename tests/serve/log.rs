@@ -105,7 +105,10 @@ fn bad_logs_and_options_are_refused_with_a_reason() {
         ("{}\n".into(), "expected track-cpu"),
         (head.replace("1,", "99,") + "\n", "version 99"),
         (format!("{head}\nnonsense\n"), "no JSON"),
-        (format!("{head}\n{{\"frame\":0}}\n"), "does not belong in a log"),
+        (
+            format!("{head}\n{{\"frame\":0}}\n"),
+            "does not belong in a log",
+        ),
         (format!("{head}\n{{\"frame\":9,\"asked\":[]}}\n"), "frame 9"),
         (
             format!("{head}\n{{\"continued\":\"../x\"}}\n"),
