@@ -173,7 +173,7 @@ impl FlightTracker {
         self.update_after(Duration::from_secs_f64(elapsed), frame, budget)
     }
 
-    /// Finds the target in a frame that was taken so long after the last one.
+    /// Finds the target in a frame that was taken `elapsed` after the last one.
     ///
     /// # Errors
     /// If there is no target yet.

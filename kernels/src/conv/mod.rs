@@ -1,4 +1,4 @@
-//! Convolution, 95 % of a frame's time, with ReLU if asked for:
+//! Convolution, about 90 % of a frame's time, with ReLU if asked for:
 //!
 //! ```text
 //! y[o] = b[o] + sum over ky, kx, i of w[o, ky, kx, i] * x[s y + ky - pad, s x + kx - pad, i]
