@@ -7,8 +7,8 @@
 
 It sends pictures through standard input: a checkered target over a patchwork, which vanishes and
 comes back. Every check prints a line; the exit code is 1 if any fails. `cargo test` has the same
-dialogue in Rust. `--soak` repeats it for so many seconds over a link that loses every hundredth
-packet, and looks for stalls and leaks.
+dialogue in Rust. `--soak SECONDS` repeats it over a link that loses every hundredth packet, and
+looks for stalls and leaks.
 """
 import argparse
 import os

@@ -6,8 +6,8 @@ MODELS holds nanotrack_backbone.onnx and nanotrack_head.onnx as HonglinChu/SiamT
 them under NanoTrack/models/nanotrackv3. Needs numpy, onnx, onnxruntime and opencv-python-headless.
 One thread; the clock runs during init and update only.
 
-The network is theirs. Cropping and the choice of a box are written anew after SiamRPN++ (Li et al.,
-CVPR 2019) with the constants of their configv3.yaml.
+The network is theirs. Cropping and the choice of a box follow SiamRPN++ (Li et al., CVPR 2019) with
+the constants of their configv3.yaml.
 """
 
 import pathlib

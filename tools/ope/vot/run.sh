@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # track-cpu under the real VOT toolkit.
 #
-#   tools/ope/vot/run.sh [FOLDER]       all of it goes to FOLDER, by default target/vot; made anew
+#   tools/ope/vot/run.sh [FOLDER]       writes FOLDER, by default target/vot, from scratch
 #
 # Runs `vot test` at every protocol version, then multi-start, supervised, realtime and long-term
 # experiments over rendered flights, and their analysis. Fails if the toolkit or the tracker reports

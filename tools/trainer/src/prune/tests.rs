@@ -167,7 +167,7 @@ fn outputs(fit: &Fit) -> [Vec<f32>; 3] {
 
 /// Targets that leave each layer as many filters.
 fn counts(of: &Fit, count: impl Fn(usize) -> usize) -> Targets {
-    // A ratio that leaves exactly so many of the unpruned network's.
+    // A ratio that leaves exactly this many of the unpruned network's.
     let all = of
         .network()
         .architecture()
