@@ -38,7 +38,7 @@ mkdir -p "$work"
 # One after the other: times are of one tracker on one thread.
 run() { "$OPE" run --dataset folder --root "$sequences" --out "$work" --jobs 1 "$@"; }
 rm -rf "$work/folder/track-cpu"
-run ${MODEL:+--model "$MODEL"}
+run --name track-cpu ${MODEL:+--model "$MODEL"}
 for tracker in CSRT KCF MOSSE; do
     run --name "$tracker" --tracker "$venv/bin/python $here/opencv_tracker.py $tracker {frames} {init} {out} {times}"
 done

@@ -4,8 +4,50 @@ use crate::error::Error;
 use sequences::annotation::sequence_name;
 use sequences::folder::{entries, file_name};
 use sequences::{Rect, text};
+use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+
+/// What made the results in a folder. The file `made-by.json` beside them keeps it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Origin {
+    /// Our tracker.
+    Model {
+        /// The model's name or file.
+        model: String,
+        /// CRC-32 of the weights file, in hexadecimal digits.
+        crc32: String,
+        /// The arithmetic of its convolutions.
+        precision: String,
+        /// The instruction set of the kernels, on which the last bits of a box depend.
+        isa: String,
+    },
+    /// Another program.
+    Program {
+        /// The command that starts it.
+        command: String,
+    },
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Origin::Model {
+                model,
+                crc32,
+                precision,
+                isa,
+            } => write!(f, "{model} (CRC-32 {crc32}) in {precision} on {isa}"),
+            Origin::Program { command } => write!(f, "the command {command}"),
+        }
+    }
+}
+
+/// Name of the file that holds the [`Origin`].
+const ORIGIN: &str = "made-by.json";
 
 /// A folder with the results of one tracker on one benchmark.
 ///
@@ -37,6 +79,43 @@ impl Results {
     pub fn create(folder: &Path) -> Result<Results, Error> {
         fs::create_dir_all(folder).map_err(Error::unwritable(folder))?;
         Results::open(folder)
+    }
+
+    /// What made the results; `None` if the folder does not say.
+    ///
+    /// # Errors
+    /// If the file that says it cannot be read.
+    pub fn origin(&self) -> Result<Option<Origin>, Error> {
+        let path = self.folder.join(ORIGIN);
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Error::unreadable(&path)(error)),
+        };
+        let origin = serde_json::from_str(&text)
+            .map_err(|error| Error::content(&path, "what made the results", error))?;
+        Ok(Some(origin))
+    }
+
+    /// Reserves the folder for the results of one tracker: an interrupted run goes on, but boxes of
+    /// another model or program are never taken for its own.
+    ///
+    /// # Errors
+    /// If the folder holds results of another tracker, or cannot be written.
+    pub fn reserve(&self, origin: &Origin) -> Result<(), Error> {
+        match self.origin()? {
+            Some(there) if there == *origin => Ok(()),
+            Some(there) => {
+                let expected = format!(
+                    "results of {origin}; use another --name or --out, or delete the folder"
+                );
+                Err(Error::content(&self.folder, expected, there))
+            }
+            None => {
+                let text = serde_json::to_string_pretty(origin).expect("strings can be written");
+                write_whole(&self.folder.join(ORIGIN), &(text + "\n"))
+            }
+        }
     }
 
     /// Whether a sequence has boxes for all of its `frames`.
@@ -140,7 +219,7 @@ pub fn lines(boxes: &[Rect], separator: &str) -> String {
 /// # Errors
 /// If the file cannot be written.
 pub fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
-    let part = path.with_file_name(format!(".{}.part", file_name(path)));
+    let part = path.with_file_name(format!(".{}.{}.part", file_name(path), std::process::id()));
     let written = fs::write(&part, text).and_then(|()| fs::rename(&part, path));
     written.map_err(Error::unwritable(path))
 }

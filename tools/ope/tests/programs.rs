@@ -46,7 +46,7 @@ fn results_go_from_run_to_page() {
     assert_eq!(code, Some(0), "{told}");
     let (_, _, told) = with(
         &["run"],
-        &["--out", "whole", "--name", "still", "--tracker", "false"],
+        &["--out", "whole", "--name", "still", "--tracker", ECHO],
     );
     assert!(told.starts_with("0 sequences run"), "{told}");
     for shard in ["1/2", "2/2"] {
@@ -175,7 +175,7 @@ fn flights_are_rendered_tracked_and_scored() {
     let score = [
         "score",
         "--results",
-        "out/folder/track-cpu",
+        "out/folder/drmim-p50",
         "--json",
         "--convention",
         "otb",
@@ -206,6 +206,33 @@ fn flights_are_rendered_tracked_and_scored() {
         ope(&folder, &["render", "--out", "x", "--size", "9999999x9"]).0,
         Some(2)
     );
+}
+
+#[test]
+fn results_of_another_tracker_are_neither_kept_nor_overwritten() {
+    let folder = benchmark("origin");
+    let run = [
+        "run",
+        "--root",
+        "data",
+        "--dataset",
+        "folder",
+        "--out",
+        "out",
+    ];
+    let echo = "sh -c 'for f in $(cat {frames}); do echo {init}; done'";
+    let first = [&run[..], &["--name", "one", "--tracker", echo]].concat();
+    let other = [&run[..], &["--name", "one", "--tracker", "false"]].concat();
+    assert_eq!(ope(&folder, &first).0, Some(0));
+
+    let (same, _, kept) = ope(&folder, &first);
+    let (code, _, told) = ope(&folder, &other);
+
+    assert_eq!(same, Some(0));
+    assert!(kept.contains("3 sequences had results already"), "{kept}");
+    assert_eq!(code, Some(3), "{told}");
+    assert!(told.contains("results of the command false"), "{told}");
+    assert!(told.contains("found the command sh -c"), "{told}");
 }
 
 #[test]

@@ -7,11 +7,15 @@ use std::path::Path;
 /// Copies the results in `parts` to `into` and returns the number of sequences there.
 ///
 /// # Errors
-/// If a file cannot be used, or two folders have different boxes of one sequence.
+/// If a file cannot be used, two folders have different boxes of one sequence, or different trackers
+/// made them.
 pub fn merge(parts: &[impl AsRef<Path>], into: &Path) -> Result<usize, Error> {
     let merged = Results::create(into)?;
     for part in parts {
         let part = Results::open(part.as_ref())?;
+        if let Some(origin) = part.origin()? {
+            merged.reserve(&origin)?;
+        }
         for name in part.names()? {
             let Some(boxes) = part.boxes(&name)? else {
                 continue;

@@ -108,6 +108,11 @@ impl Shard {
     pub fn holds(self, place: usize) -> bool {
         place % self.count == self.index - 1
     }
+
+    /// How many of `sequences` sequences are in it.
+    pub fn len(self, sequences: usize) -> usize {
+        (0..sequences).filter(|place| self.holds(*place)).count()
+    }
 }
 
 impl FromStr for Shard {
