@@ -35,7 +35,7 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
     let kept = args.shard.len(sequences.len()) - ran;
     eprintln!("{ran} sequences run, results in {}", folder.display());
     if kept > 0 {
-        eprintln!("note: {kept} sequences had results already; delete those to run them anew");
+        eprintln!("note: {kept} sequences had results already; delete those to repeat them");
     }
     if ran > 0 && jobs.get() > 1 {
         eprintln!(

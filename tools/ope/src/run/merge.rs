@@ -7,8 +7,8 @@ use std::path::Path;
 /// Copies the results in `parts` to `into` and returns the number of sequences there.
 ///
 /// # Errors
-/// If a file cannot be used, two folders have different boxes of one sequence, or different trackers
-/// made them.
+/// If a file cannot be used, or two folders have different boxes of one sequence or are of
+/// different trackers.
 pub fn merge(parts: &[impl AsRef<Path>], into: &Path) -> Result<usize, Error> {
     let merged = Results::create(into)?;
     for part in parts {
