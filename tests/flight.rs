@@ -283,6 +283,44 @@ fn time_decides_when_a_target_is_lost_and_not_frames() {
 }
 
 #[test]
+fn jump_of_the_clock_moves_no_box() {
+    use std::time::Duration;
+    let (frames, first) = flight(24);
+    let nothing = [96u8, 104, 92].repeat(WIDTH * HEIGHT);
+    let usual = Duration::from_millis(33);
+    let budget = Budget::Searches(2);
+    for jump in [Duration::ZERO, Duration::from_secs(3600), Duration::MAX] {
+        let mut plain = Tracker::new(Model::builtin(Isa::detect()));
+        let mut flying = tracker(true);
+        plain.init(&frame(&frames[0]), first).unwrap();
+        flying.init(&frame(&frames[0]), first).unwrap();
+        for (i, data) in frames.iter().enumerate().skip(1) {
+            let expected = plain.update(&frame(data)).unwrap();
+            let elapsed = if i == 12 { jump } else { usual };
+
+            let found = flying.update_after(elapsed, &frame(data), budget).unwrap();
+
+            assert_eq!(found.bbox, expected.bbox, "{jump:?}, frame {i}: {found:?}");
+            assert!(found.is_believed(), "{jump:?}, frame {i}: {found:?}");
+        }
+        // While nothing is seen, a jump is a second at most: the box stays near the last one.
+        let last = plain.target_box().unwrap().corner();
+        for i in 0..24 {
+            let elapsed = if i == 20 { jump } else { usual };
+
+            let gone = flying
+                .update_after(elapsed, &frame(&nothing), budget)
+                .unwrap();
+
+            assert!(
+                gone.bbox.is_finite() && gone.bbox.iou(&last) > 0.1,
+                "{jump:?}: {gone:?}"
+            );
+        }
+    }
+}
+
+#[test]
 fn same_searches_give_the_same_boxes() {
     let (frames, first) = flight(6);
     let nothing = vec![30u8; 3 * WIDTH * HEIGHT];

@@ -60,6 +60,53 @@ fn log_is_replayed_box_for_box() {
 }
 
 #[test]
+fn live_frames_are_replayed_with_the_times_between_them() {
+    let folder = Folder::new("times");
+    let log = folder.file("log.jsonl");
+    let input = format!("{FLIGHT},frames=12");
+    for (extra, expected) in [
+        (&["--fps", "8", "--every-frame"][..], Some(125_000)),
+        (&["--fps", "8"], None),
+    ] {
+        let _ = std::fs::remove_file(&log);
+        let mut args = vec!["serve", "--input", &input, "--init", "140,70,40,30"];
+        args.extend([
+            "--deadline-ms",
+            "300",
+            "--max-age-ms",
+            "20000",
+            "--log",
+            &log,
+        ]);
+        args.extend(extra);
+        let served = run(&args);
+        assert!(
+            served.status.success(),
+            "{}",
+            String::from_utf8_lossy(&served.stderr)
+        );
+
+        let replayed = run(&["replay", &log]);
+
+        let result = &lines(&replayed.stdout)[0];
+        assert_eq!(result["differing"], 0, "{extra:?}: {result}");
+        let text = std::fs::read_to_string(&log).unwrap();
+        let logged = text
+            .lines()
+            .map(|line| serde_json::from_str::<Value>(line).unwrap());
+        let times: Vec<u64> = logged
+            .filter_map(|line| line["elapsed_us"].as_u64())
+            .collect();
+        assert_eq!(times.len() as u64, result["frames"].as_u64().unwrap());
+        for time in &times[1..] {
+            // A live frame comes when it comes, but eight a second are not thirty.
+            let is_right = expected.map_or(*time > 60_000, |expected| *time == expected);
+            assert!(is_right, "{extra:?}: {times:?}");
+        }
+    }
+}
+
+#[test]
 fn second_flight_overwrites_nothing_of_the_first() {
     let folder = Folder::new("second");
     let log = folder.file("f.jsonl");

@@ -1,5 +1,7 @@
 //! What follows the target in `track`: the tracker alone, or flight mode.
 
+use std::time::Duration;
+
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker};
 
@@ -15,7 +17,12 @@ pub enum Follower {
     /// The tracker alone.
     Plain(Box<Tracker>),
     /// Knows when the target is lost.
-    Flight(Box<FlightTracker>),
+    Flight {
+        /// The tracker.
+        tracker: Box<FlightTracker>,
+        /// Frames per second.
+        fps: f64,
+    },
 }
 
 /// Where the target is.
@@ -43,9 +50,16 @@ impl Found {
 }
 
 impl Follower {
+    /// A tracker of this mode for frames at this rate.
+    ///
     /// # Errors
     /// If the model's presence coefficients are wrong.
-    pub fn new(model: Model, engine: &EngineArgs, mode: Mode) -> Result<Follower, Failure> {
+    pub fn new(
+        model: Model,
+        engine: &EngineArgs,
+        mode: Mode,
+        fps: f64,
+    ) -> Result<Follower, Failure> {
         let options = engine.options(&model);
         Ok(match mode {
             Mode::Plain => Follower::Plain(Box::new(Tracker::with_options(model, options))),
@@ -55,7 +69,10 @@ impl Follower {
                     cores: engine.cores(),
                     ..FlightOptions::new(&model)
                 };
-                Follower::Flight(Box::new(FlightTracker::new(model, options)?))
+                Follower::Flight {
+                    tracker: Box::new(FlightTracker::new(model, options)?),
+                    fps,
+                }
             }
         })
     }
@@ -68,7 +85,7 @@ impl Follower {
         check_pixels(bbox)?;
         let sureness = match self {
             Follower::Plain(tracker) => tracker.init(frame, bbox).map(|()| None)?,
-            Follower::Flight(tracker) => tracker
+            Follower::Flight { tracker, .. } => tracker
                 .init(frame, bbox)
                 .map(|()| Some((1.0, State::Tracking)))?,
         };
@@ -80,11 +97,12 @@ impl Follower {
         })
     }
 
-    /// Finds it in the next frame.
+    /// Finds it in the frame that comes `steps` after the last one: more than one if frames between
+    /// could not be read.
     ///
     /// # Errors
     /// As [`Tracker::update`].
-    pub fn follow(&mut self, frame: &Frame<'_>) -> Result<Found, TrackError> {
+    pub fn follow(&mut self, frame: &Frame<'_>, steps: u32) -> Result<Found, TrackError> {
         Ok(match self {
             Follower::Plain(tracker) => {
                 let track = tracker.update(frame)?;
@@ -95,8 +113,9 @@ impl Follower {
                     is_held: false,
                 }
             }
-            Follower::Flight(tracker) => {
-                let track = tracker.update(frame, Budget::Searches(SEARCHES))?;
+            Follower::Flight { tracker, fps } => {
+                let elapsed = Duration::from_secs_f64(f64::from(steps) / *fps);
+                let track = tracker.update_after(elapsed, frame, Budget::Searches(SEARCHES))?;
                 let sureness = Some((track.presence, track.state));
                 Found {
                     bbox: track.bbox,

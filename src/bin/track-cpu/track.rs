@@ -42,7 +42,7 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     };
     let mut run = Run {
         args,
-        tracker: Follower::new(model, &args.engine, args.mode)?,
+        tracker: Follower::new(model, &args.engine, args.mode, args.fps)?,
         boxes: Boxes::create(args.out.as_deref(), args.json)?,
         painter: args.overlay.as_deref().map(Painter::create).transpose()?,
         bad: BadFrames::new(args.bad_frames.on_bad_frame),
@@ -102,15 +102,18 @@ impl Run<'_> {
         let mut found = self.tracker.start(&first.frame(), self.args.init)?;
         self.boxes.write(index, &found, started.elapsed())?;
         let mut is_painting = self.paint(index, first, found, frames);
+        let mut steps = 0; // from the last frame that could be read
         bar.inc(1);
 
         while is_painting && let Some(image) = frames.next() {
             index += 1;
+            steps += 1;
             match image {
                 Ok(image) => {
                     self.see_size(index, &image);
                     let started = Instant::now();
-                    found = self.tracker.follow(&image.frame())?;
+                    found = self.tracker.follow(&image.frame(), steps)?;
+                    steps = 0;
                     let took = started.elapsed();
                     self.times.push(took);
                     self.boxes.write(index, &found, took)?;

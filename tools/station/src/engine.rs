@@ -16,8 +16,10 @@ pub trait Engine {
     /// Forgets the target.
     fn stop(&mut self);
 
-    /// Finds the target in the next picture; `None` without a target.
+    /// Finds the target in the next picture, taken `elapsed` after the one before; `None` without a
+    /// target.
     ///
     /// The search for a lost target takes at most `budget`, but always makes one attempt.
-    fn follow(&mut self, picture: &Picture, budget: Duration) -> Option<Tracked>;
+    fn follow(&mut self, picture: &Picture, elapsed: Duration, budget: Duration)
+    -> Option<Tracked>;
 }

@@ -19,7 +19,7 @@
 //!     fn stop(&mut self) {
 //!         self.0 = None;
 //!     }
-//!     fn follow(&mut self, _: &Picture, _: Duration) -> Option<Tracked> {
+//!     fn follow(&mut self, _: &Picture, _: Duration, _: Duration) -> Option<Tracked> {
 //!         self.0.clone()
 //!     }
 //! }

@@ -90,6 +90,8 @@ pub struct Report {
     pub frame: u64,
     /// Milliseconds from the program's start to the frame's delivery.
     pub time_ms: f64,
+    /// Time from the frame before, as the tracker was told.
+    pub elapsed: Duration,
     /// Width and height of the frame in pixels.
     pub size: (usize, usize),
     /// `None` while nothing is followed.

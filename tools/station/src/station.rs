@@ -36,6 +36,8 @@ pub struct Options {
     pub every_frame: bool,
     /// Time for one frame.
     pub deadline: Duration,
+    /// Time from frame to frame where every frame is tracked: such frames have no live time.
+    pub period: Duration,
     /// How old frames and silence may become.
     pub limits: Limits,
     /// The target in the first frame.
@@ -59,6 +61,7 @@ impl Default for Options {
         Options {
             every_frame: false,
             deadline: Duration::from_millis(33),
+            period: Duration::from_micros(33_333),
             limits: Limits::default(),
             init: None,
             print: false,
@@ -128,7 +131,7 @@ impl Station {
             ages: Ages::new(),
             late: 0,
             starts: 0,
-            is_first: true,
+            before: None,
         };
         let ran = tracking.run(&feeder);
         let Tracking {
@@ -173,7 +176,7 @@ struct Tracking<'a> {
     ages: Ages,
     late: u64,
     starts: u64,
-    is_first: bool,
+    before: Option<Instant>, // when the last frame was delivered
 }
 
 impl Tracking<'_> {
@@ -233,7 +236,8 @@ impl Tracking<'_> {
         let commands = self.hub.take_commands(true);
         let mut asked = Vec::new();
         let mut fresh = None;
-        if std::mem::take(&mut self.is_first)
+        let before = self.before.replace(shot.taken);
+        if before.is_none()
             && let Some(bbox) = self.options.init
         {
             match self.engine.start(&shot.picture, bbox) {
@@ -249,6 +253,7 @@ impl Tracking<'_> {
             self.obey(&pending, &shot, &mut asked, &mut fresh);
         }
         let every = self.options.every_frame;
+        let elapsed = self.elapsed(before, shot.taken);
         let budget = if every {
             self.options.deadline
         } else {
@@ -256,11 +261,12 @@ impl Tracking<'_> {
             let age = shot.taken.elapsed();
             self.options.deadline.saturating_sub(age)
         };
-        let track = fresh.or_else(|| self.engine.follow(&shot.picture, budget));
+        let track = fresh.or_else(|| self.engine.follow(&shot.picture, elapsed, budget));
         let age = shot.taken.elapsed();
         let report = Report {
             frame: shot.index,
             time_ms: shot.taken.duration_since(self.began).as_secs_f64() * 1e3,
+            elapsed,
             size: shot.picture.size(),
             track,
             latency_ms: age.as_secs_f64() * 1e3,
@@ -289,6 +295,15 @@ impl Tracking<'_> {
         }
         self.slot.recycle(shot.picture);
         Ok(())
+    }
+
+    /// Time from the frame `before` to one `taken` now, in whole microseconds as the log holds it.
+    fn elapsed(&self, before: Option<Instant>, taken: Instant) -> Duration {
+        let elapsed = match before {
+            Some(before) if !self.options.every_frame => taken.saturating_duration_since(before),
+            _ => self.options.period,
+        };
+        Duration::from_micros(u64::try_from(elapsed.as_micros()).unwrap_or(u64::MAX))
     }
 
     /// Carries out a command on a frame and tells its client.

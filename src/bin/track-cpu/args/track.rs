@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use track_cpu::BBox;
 
 use super::input::{BadFrameArg, RawArgs};
-use super::values::{bbox, overlay};
+use super::values::{bbox, frame_rate, overlay};
 use super::{EngineArgs, Mode, ModelArg};
 
 /// `track`.
@@ -34,6 +34,9 @@ pub struct TrackArgs {
     /// What follows the target; in flight mode JSON lines hold presence (0 to 1) and state as well.
     #[arg(long, value_enum, default_value_t = Mode::Plain)]
     pub mode: Mode,
+    /// Frames per second, by which flight mode knows how much time goes by.
+    #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = frame_rate)]
+    pub fps: f64,
     /// First frame, 0-based; --init refers to it.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub start: usize,

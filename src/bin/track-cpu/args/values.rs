@@ -113,6 +113,14 @@ pub fn size(text: &str) -> Result<(usize, usize), String> {
     sides.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".into())
 }
 
+/// Frames per second.
+pub fn frame_rate(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|fps| (0.1..=1000.0).contains(fps))
+        .ok_or("expected a number from 0.1 to 1000".into())
+}
+
 /// The name of a pixel format.
 pub fn pixel_format(text: &str) -> Result<PixelFormat, String> {
     let names = PixelFormat::NAMES.map(|(name, _)| name).join(", ");

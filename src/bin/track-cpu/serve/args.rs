@@ -11,7 +11,7 @@ use station::{FrameBox, Limits, Options};
 use track_cpu::source::{PixelFormat, RawFormat};
 use track_cpu::{BBox, Model};
 
-use crate::args::{EngineArgs, Mode, ModelArg, bbox, pixel_format, size};
+use crate::args::{EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -41,9 +41,9 @@ pub struct ServeArgs {
     /// Pixel format of headerless frames on standard input.
     #[arg(long, value_name = "FORMAT", value_parser = pixel_format, requires = "raw")]
     pub pix: Option<PixelFormat>,
-    /// Frames per second of files, folders and rendered flights; cameras and streams have their
-    /// own.
-    #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = rate)]
+    /// Frames per second of files, folders and rendered flights, and of any input with
+    /// --every-frame; other cameras and streams have their own.
+    #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = frame_rate)]
     pub fps: f64,
     /// Track every frame, however long that takes; for files.
     #[arg(long)]
@@ -200,6 +200,7 @@ impl ServeArgs {
         Options {
             every_frame: self.every_frame,
             deadline: self.deadline_ms,
+            period: Duration::from_secs_f64(1.0 / self.fps),
             limits: Limits {
                 max_age: self.max_age_ms,
                 stall: self.stall_ms,
@@ -281,13 +282,6 @@ fn milliseconds(text: &str) -> Result<Duration, String> {
         Ok(ms) if (1.0..=60_000.0).contains(&ms) => Ok(Duration::from_secs_f64(ms / 1e3)),
         _ => Err("expected milliseconds from 1 to 60000".into()),
     }
-}
-
-fn rate(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|fps| (0.1..=1000.0).contains(fps))
-        .ok_or("expected a number from 0.1 to 1000".into())
 }
 
 fn token(text: &str) -> Result<String, String> {

@@ -35,10 +35,20 @@ impl TrackerEngine {
         })
     }
 
-    /// Finds the target in the next picture, with this budget for the search of a lost one.
-    pub fn find(&mut self, picture: &Picture, budget: Budget) -> Option<Tracked> {
+    /// Finds the target in the next picture, taken `elapsed` after the one before (none: at the rate
+    /// of the tracker's options), with this budget for the search of a lost one.
+    pub fn find(
+        &mut self,
+        picture: &Picture,
+        elapsed: Option<Duration>,
+        budget: Budget,
+    ) -> Option<Tracked> {
         let frame = frame(picture).ok()?;
-        let track = self.tracker.update(&frame, budget).ok()?;
+        let track = match elapsed {
+            Some(elapsed) => self.tracker.update_after(elapsed, &frame, budget),
+            None => self.tracker.update(&frame, budget),
+        };
+        let track = track.ok()?;
         let tells_state = self.mode == Mode::Flight;
         // The first candidate is the choice itself.
         let others = self.tracker.candidates().iter().skip(1);
@@ -76,8 +86,13 @@ impl Engine for TrackerEngine {
         self.tracker.stop();
     }
 
-    fn follow(&mut self, picture: &Picture, budget: Duration) -> Option<Tracked> {
-        self.find(picture, Budget::Deadline(budget))
+    fn follow(
+        &mut self,
+        picture: &Picture,
+        elapsed: Duration,
+        budget: Duration,
+    ) -> Option<Tracked> {
+        self.find(picture, Some(elapsed), Budget::Deadline(budget))
     }
 }
 

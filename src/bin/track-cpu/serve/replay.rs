@@ -116,7 +116,8 @@ fn repeat(
         }
     }
     let picture = frames.get(entry.frame, log)?;
-    let found = fresh.or_else(|| engine.find(&picture, Budget::Searches(entry.searches)));
+    let budget = Budget::Searches(entry.searches);
+    let found = fresh.or_else(|| engine.find(&picture, entry.elapsed, budget));
     Ok(found.map(|track| track.bbox))
 }
 

@@ -3,7 +3,7 @@
 //! | line | what it says |
 //! |---|---|
 //! | the first | the program, its input and its model; `continues` names the file before it |
-//! | with `frame` | what was asked for at this frame, the searches made and the box found |
+//! | with `frame` | commands at this frame, time since the one before, searches made, box found |
 //! | with `source` | the source's health has changed |
 //! | with `continued` | the log goes on in this file |
 //!
@@ -30,7 +30,7 @@ pub use frames::frame_name;
 pub use reader::{Entry, Reader};
 
 /// Version of the lines that are written; older ones are read as well.
-pub const VERSION: u64 = 2;
+pub const VERSION: u64 = 3;
 
 /// Most files of one name.
 const MAX_FILES: usize = 10_000;
@@ -132,6 +132,7 @@ impl Log {
         let mut line = json!({
             "frame": report.frame,
             "time_ms": report.time_ms,
+            "elapsed_us": u64::try_from(report.elapsed.as_micros()).unwrap_or(u64::MAX),
             "asked": asked,
             "state": report.state(),
             "latency_ms": report.latency_ms,

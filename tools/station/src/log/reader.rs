@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde_json::Value;
 
@@ -18,6 +19,8 @@ const MAX_LINE: u64 = 1 << 16;
 pub struct Entry {
     /// Index of the frame.
     pub frame: u64,
+    /// Time from the frame before; `None` in a log of version 1 or 2.
+    pub elapsed: Option<Duration>,
     /// What was asked for, in this order.
     pub asked: Vec<Asked>,
     /// Searches made.
@@ -39,6 +42,7 @@ impl Entry {
         };
         Some(Entry {
             frame: line["frame"].as_u64()?,
+            elapsed: line["elapsed_us"].as_u64().map(Duration::from_micros),
             asked: asked.collect::<Option<_>>()?,
             searches,
             bbox,
