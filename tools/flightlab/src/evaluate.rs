@@ -23,6 +23,7 @@ const APART: usize = 15;
 /// What one frame came to.
 #[derive(Clone, Copy, Debug)]
 struct Moment {
+    bbox: BBox,
     visible: f32,
     iou: f32,
     on: Option<bool>,
@@ -32,6 +33,15 @@ struct Moment {
     other: bool,   // the box is on a look-alike
     outside: bool, // the target's center is not in the view
     crossed: bool, // a look-alike's box overlaps the target's
+    missed: Option<Missed>,
+}
+
+/// What a look at the true place of a visible target that is not followed shows.
+#[derive(Clone, Copy, Debug)]
+struct Missed {
+    away: f32,     // of the reported box, in sides of the target
+    iou: f32,      // of the box found there
+    log_odds: f64, // of its appearance
 }
 
 /// What one clip came to.
@@ -57,8 +67,14 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
             for (index, m) in outcome.flight.iter().enumerate() {
                 let (visible, iou, state) = (m.visible, m.iou, m.state.name());
                 let other = if m.other { " other" } else { "" };
+                let missed = m.missed.map_or(String::new(), |missed| {
+                    format!(
+                        " away {:.1} look {:.2} {:.2}",
+                        missed.away, missed.iou, missed.log_odds
+                    )
+                });
                 println!(
-                    "{} {visible:.2} {iou:.2} {:.3} {state}{other}",
+                    "{} {visible:.2} {iou:.2} {:.3} {state}{other}{missed}",
                     index + 1,
                     m.presence
                 );
@@ -141,7 +157,11 @@ fn follow(
             if index == 0 {
                 tracker.init(frame, truth.bbox)?;
             } else {
-                moments.push(moment(tracker, frame, truth, args.searches)?);
+                let mut moment = moment(tracker, frame, truth, args.searches)?;
+                if args.trace && moment.visible > CLEAR && moment.on == Some(false) {
+                    moment.missed = look_at(tracker, frame, truth, &moment)?;
+                }
+                moments.push(moment);
             }
         }
         Ok(())
@@ -169,6 +189,7 @@ fn moment(
     let within = (0.0..frame.width() as f32).contains(&center.cx)
         && (0.0..frame.height() as f32).contains(&center.cy);
     Ok(Moment {
+        bbox: track.bbox,
         visible: truth.visible,
         iou,
         on: is_on(&track.bbox, truth),
@@ -178,7 +199,26 @@ fn moment(
         other: iou < OFF && truth.others.iter().any(on_other),
         outside: !within,
         crossed: within && truth.others.iter().any(|b| b.iou(&target) > 0.0),
+        missed: None,
     })
+}
+
+/// Looks at the target's true place as a search would.
+fn look_at(
+    tracker: &mut FlightTracker,
+    frame: &Frame<'_>,
+    truth: &Truth,
+    moment: &Moment,
+) -> Result<Option<Missed>, Failure> {
+    let center = truth.bbox.center();
+    let reported = moment.bbox.center();
+    let distance = (reported.cx - center.cx).hypot(reported.cy - center.cy);
+    let found = tracker.examine_twice(frame, (center.cx, center.cy))?;
+    Ok(found.map(|(bbox, evidence)| Missed {
+        away: distance / truth.bbox.area().sqrt().max(1.0),
+        iou: bbox.iou(&truth.bbox),
+        log_odds: tracker.presence().again.log_odds(&evidence),
+    }))
 }
 
 fn mean_iou(moments: &[Moment]) -> f64 {
@@ -340,6 +380,7 @@ mod tests {
     fn moment(visible: f32, iou: f32, believed: bool) -> Moment {
         let on = Some(visible > 0.25 && iou > ON);
         Moment {
+            bbox: BBox::default(),
             visible,
             iou,
             on,
@@ -349,6 +390,7 @@ mod tests {
             other: iou < OFF,
             outside: false,
             crossed: false,
+            missed: None,
         }
     }
 

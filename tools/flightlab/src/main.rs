@@ -141,7 +141,8 @@ struct EvaluateArgs {
     /// Searches per frame while the target is lost.
     #[arg(long, default_value_t = 2)]
     searches: u32,
-    /// Print a line per frame: visible share, IoU, presence, state, believed.
+    /// Print a line per frame: visible share, IoU, presence, state; where a visible target is
+    /// missed, also how far away it is, and what a look at its true place shows: IoU and log-odds.
     #[arg(long)]
     trace: bool,
     /// Folder for plots of presence over all clips: flight-roc.svg, flight-presence.svg.
