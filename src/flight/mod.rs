@@ -48,7 +48,9 @@ use target::Target;
 
 pub use candidates::{Candidate, MAX_CANDIDATES};
 pub use evidence::{COUNT as EVIDENCE_COUNT, Evidence, NAMES as EVIDENCE_NAMES};
-pub use options::{BELIEVED, Budget, Conduct, FlightOptions, FlightTrack};
+pub use options::{
+    BELIEVED, Budget, Conduct, FlightOptions, FlightTrack, ThresholdError, check_threshold,
+};
 pub use presence::{NOTE as PRESENCE_NOTE, Presence, PresenceError, Weighing};
 pub use state::State;
 

@@ -5,6 +5,7 @@ use crate::bbox::BBox;
 use crate::config::TrackConfig;
 use crate::model::Model;
 use kernels::par::Cores;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// How a [`FlightTracker`](super::FlightTracker) is to run.
@@ -53,6 +54,80 @@ impl FlightOptions {
     }
 }
 
+/// The thresholds that [`FlightOptions::set`] knows by name, with what is allowed.
+const THRESHOLDS: [(&str, RangeInclusive<f64>, &str); 6] = [
+    ("present", 0.0..=1.0, "0 to 1"),
+    ("sure", 0.0..=1.0, "0 to 1"),
+    ("absent", 0.0..=1.0, "0 to 1"),
+    ("patience", 0.0..=3600.0, "0 to 3600 seconds"),
+    ("coast", 0.0..=3600.0, "0 to 3600 seconds"),
+    ("confirm", 1.0..=1000.0, "1 to 1000 looks"),
+];
+
+/// A threshold that is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("threshold {name} is {found}, expected {expected}")]
+pub struct ThresholdError {
+    /// Its name.
+    pub name: String,
+    /// The number given.
+    pub found: f64,
+    /// What was expected.
+    pub expected: String,
+}
+
+impl FlightOptions {
+    /// Sets the threshold of a name: `present`, `sure`, `absent`, `patience`, `coast`, `confirm`.
+    ///
+    /// # Errors
+    /// If there is no such threshold, or the number is out of its range.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), ThresholdError> {
+        check_threshold(name, value)?;
+        match name {
+            "present" => self.present = value,
+            "sure" => self.sure = value,
+            "absent" => self.absent = value,
+            "patience" => self.patience = value,
+            "coast" => self.coast = value,
+            _ => self.confirm = value as u32,
+        }
+        Ok(())
+    }
+
+    /// All thresholds with their names.
+    pub fn thresholds(&self) -> [(&'static str, f64); THRESHOLDS.len()] {
+        [
+            ("present", self.present),
+            ("sure", self.sure),
+            ("absent", self.absent),
+            ("patience", self.patience),
+            ("coast", self.coast),
+            ("confirm", self.confirm.into()),
+        ]
+    }
+}
+
+/// Whether [`FlightOptions::set`] takes this.
+///
+/// # Errors
+/// As of [`FlightOptions::set`].
+pub fn check_threshold(name: &str, value: f64) -> Result<(), ThresholdError> {
+    let wrong = |expected: String| ThresholdError {
+        name: name.chars().take(40).collect(),
+        found: value,
+        expected,
+    };
+    let Some((_, allowed, expected)) = THRESHOLDS.iter().find(|(known, ..)| *known == name) else {
+        let names = THRESHOLDS.each_ref().map(|(known, ..)| *known).join(", ");
+        return Err(wrong(format!("one of {names}")));
+    };
+    if allowed.contains(&value) {
+        Ok(())
+    } else {
+        Err(wrong((*expected).into()))
+    }
+}
+
 /// What a [`FlightTracker`](super::FlightTracker) does about a target that may not be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conduct {
@@ -94,5 +169,35 @@ impl FlightTrack {
     /// [`BELIEVED`].
     pub fn is_believed(&self) -> bool {
         self.state.is_seen() && self.presence >= BELIEVED
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kernels::Isa;
+
+    #[test]
+    fn threshold_is_set_by_name_within_its_range() {
+        let mut options = FlightOptions::new(&Model::builtin(Isa::detect()));
+
+        for (name, value) in options.thresholds() {
+            assert_eq!(options.set(name, value), Ok(()), "{name}");
+        }
+        options.set("coast", 2.5).unwrap();
+        options.set("confirm", 5.0).unwrap();
+
+        assert_eq!((options.coast, options.confirm), (2.5, 5));
+        for (name, value, part) in [
+            ("present", 1.5, "threshold present is 1.5, expected 0 to 1"),
+            ("sure", f64::NAN, "sure is NaN"),
+            ("confirm", 0.0, "confirm is 0, expected 1 to 1000 looks"),
+            ("patients", 1.0, "expected one of present, sure"),
+        ] {
+            let before = options;
+            let refused = options.set(name, value).unwrap_err().to_string();
+            assert!(refused.contains(part), "{refused}");
+            assert_eq!(options, before);
+        }
     }
 }

@@ -70,6 +70,7 @@ fn live_frames_are_replayed_with_the_times_between_them() {
     ] {
         let _ = std::fs::remove_file(&log);
         let mut args = vec!["serve", "--input", &input, "--init", "140,70,40,30"];
+        args.extend(["--threshold", "coast=0.25", "--threshold", "confirm=2"]);
         args.extend([
             "--deadline-ms",
             "300",
@@ -98,6 +99,10 @@ fn live_frames_are_replayed_with_the_times_between_them() {
             .filter_map(|line| line["elapsed_us"].as_u64())
             .collect();
         assert_eq!(times.len() as u64, result["frames"].as_u64().unwrap());
+        assert!(
+            text.contains(r#""thresholds":[["coast",0.25],["confirm",2.0]]"#),
+            "{text}"
+        );
         for time in &times[1..] {
             // A live frame comes when it comes, but eight a second are not thirty.
             let is_right = expected.map_or(*time > 60_000, |expected| *time == expected);
@@ -179,6 +184,12 @@ fn bad_logs_and_options_are_refused_with_a_reason() {
     for (args, code, part) in [
         (&["--input", "flight:color=red"][..], 3, "color"),
         (&["--gimbal"], 2, "--mavlink"),
+        (
+            &["--threshold", "coast=-1"],
+            2,
+            "expected 0 to 3600 seconds",
+        ),
+        (&["--threshold", "color=1"], 2, "expected one of present"),
         (&["--input", FLIGHT, "--http", "0.0.0.0:0"], 5, "--token"),
         (&["--input", FLIGHT, "--mavlink", "nonsense"], 5, "nonsense"),
         (

@@ -11,6 +11,9 @@ use track_cpu::{BBox, FrameError, ModelError, TrackError};
 /// Why the program ends early.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
+    /// A threshold of flight mode is refused.
+    #[error(transparent)]
+    Threshold(#[from] track_cpu::flight::ThresholdError),
     /// An input cannot be opened.
     #[error(transparent)]
     Input(#[from] SourceError),
@@ -96,7 +99,7 @@ impl Failure {
     pub fn exit(&self) -> ExitCode {
         let exit = match self {
             Failure::ClosedPipe => return ExitCode::SUCCESS,
-            Failure::Clash(_) => Exit::Usage,
+            Failure::Clash(_) | Failure::Threshold(_) => Exit::Usage,
             #[cfg(feature = "serve")]
             Failure::Station(error) => match error {
                 station::Error::ClosedPipe => return ExitCode::SUCCESS,

@@ -5,6 +5,7 @@ use std::time::Duration;
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker};
 
+use crate::args::track::TrackArgs;
 use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 
@@ -50,28 +51,20 @@ impl Found {
 }
 
 impl Follower {
-    /// A tracker of this mode for frames at this rate.
+    /// A tracker as the command line asks for it.
     ///
     /// # Errors
     /// If the model's presence coefficients are wrong.
-    pub fn new(
-        model: Model,
-        engine: &EngineArgs,
-        mode: Mode,
-        fps: f64,
-    ) -> Result<Follower, Failure> {
+    pub fn new(model: Model, args: &TrackArgs) -> Result<Follower, Failure> {
+        let engine = &args.engine;
         let options = engine.options(&model);
-        Ok(match mode {
+        Ok(match args.mode {
             Mode::Plain => Follower::Plain(Box::new(Tracker::with_options(model, options))),
             Mode::Flight => {
-                let options = FlightOptions {
-                    threads: engine.threads,
-                    cores: engine.cores(),
-                    ..FlightOptions::new(&model)
-                };
+                let options = flight_options(&model, engine, &args.threshold)?;
                 Follower::Flight {
                     tracker: Box::new(FlightTracker::new(model, options)?),
-                    fps,
+                    fps: args.fps,
                 }
             }
         })
@@ -126,6 +119,26 @@ impl Follower {
             }
         })
     }
+}
+
+/// Flight mode's options as a command line gives them.
+///
+/// # Errors
+/// If a threshold is refused.
+pub fn flight_options(
+    model: &Model,
+    engine: &EngineArgs,
+    thresholds: &[(String, f64)],
+) -> Result<FlightOptions, Failure> {
+    let mut options = FlightOptions {
+        threads: engine.threads,
+        cores: engine.cores(),
+        ..FlightOptions::new(model)
+    };
+    for (name, value) in thresholds {
+        options.set(name, *value)?;
+    }
+    Ok(options)
 }
 
 /// Refuses a box in shares of the frame, as YOLO writes them: no number of it is above 1.

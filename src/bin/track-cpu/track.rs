@@ -42,7 +42,7 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     };
     let mut run = Run {
         args,
-        tracker: Follower::new(model, &args.engine, args.mode, args.fps)?,
+        tracker: Follower::new(model, args)?,
         boxes: Boxes::create(args.out.as_deref(), args.json)?,
         painter: args.overlay.as_deref().map(Painter::create).transpose()?,
         bad: BadFrames::new(args.bad_frames.on_bad_frame),

@@ -22,4 +22,4 @@ pub mod values;
 pub use engine::Search;
 pub use engine::{EngineArgs, Mode, ModelArg};
 #[cfg(feature = "serve")]
-pub use values::{bbox, frame_rate, pixel_format, size};
+pub use values::{bbox, frame_rate, pixel_format, size, threshold};

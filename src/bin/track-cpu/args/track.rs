@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use track_cpu::BBox;
 
 use super::input::{BadFrameArg, RawArgs};
-use super::values::{bbox, frame_rate, overlay};
+use super::values::{bbox, frame_rate, overlay, threshold};
 use super::{EngineArgs, Mode, ModelArg};
 
 /// `track`.
@@ -37,6 +37,10 @@ pub struct TrackArgs {
     /// Frames per second, by which flight mode knows how much time goes by.
     #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = frame_rate)]
     pub fps: f64,
+    /// A threshold of flight mode: present (0.5), sure (0.8), absent (0.01), patience (0.5 s),
+    /// coast (1 s) or confirm (3 looks). May be repeated.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = threshold)]
+    pub threshold: Vec<(String, f64)>,
     /// First frame, 0-based; --init refers to it.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub start: usize,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use kernels::conv::Algorithm;
 use kernels::par::Threads;
+use track_cpu::flight::check_threshold;
 use track_cpu::source::{OnBadFrame, PixelFormat};
 use track_cpu::{BBox, Cores, Isa, Precision};
 
@@ -119,6 +120,16 @@ pub fn frame_rate(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|fps| (0.1..=1000.0).contains(fps))
         .ok_or("expected a number from 0.1 to 1000".into())
+}
+
+/// A threshold of flight mode: its name and number.
+pub fn threshold(text: &str) -> Result<(String, f64), String> {
+    let (name, number) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    let number = number
+        .parse()
+        .map_err(|_| format!("{name} is {number:?}, expected a number"))?;
+    check_threshold(name, number).map_err(|error| error.to_string())?;
+    Ok((name.into(), number))
 }
 
 /// The name of a pixel format.

@@ -11,7 +11,7 @@ use station::{FrameBox, Limits, Options};
 use track_cpu::source::{PixelFormat, RawFormat};
 use track_cpu::{BBox, Model};
 
-use crate::args::{EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size};
+use crate::args::{EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size, threshold};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -57,6 +57,10 @@ pub struct ServeArgs {
     /// What follows the target.
     #[arg(long, value_enum, default_value_t = Mode::Flight)]
     pub mode: Mode,
+    /// A threshold of flight mode: present (0.5), sure (0.8), absent (0.01), patience (0.5 s),
+    /// coast (1 s) or confirm (3 looks). May be repeated.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = threshold)]
+    pub threshold: Vec<(String, f64)>,
     /// Time for one frame; the search for a lost target uses what is left of it.
     #[arg(long, value_name = "MS", default_value = "33", value_parser = milliseconds)]
     pub deadline_ms: Duration,
@@ -196,6 +200,7 @@ impl ServeArgs {
             "template_update": model.config().template_update,
             "online_filter": model.config().online_filter,
             "mode": self.mode.name(),
+            "thresholds": self.threshold,
         });
         Options {
             every_frame: self.every_frame,

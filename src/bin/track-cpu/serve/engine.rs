@@ -8,6 +8,7 @@ use track_cpu::{BBox, ChannelOrder, Frame, Model};
 
 use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
+use crate::follow::flight_options;
 
 /// A tracker that may have no target.
 pub struct TrackerEngine {
@@ -17,17 +18,20 @@ pub struct TrackerEngine {
 
 impl TrackerEngine {
     /// # Errors
-    /// If the model's presence coefficients are wrong.
-    pub fn new(model: Model, args: &EngineArgs, mode: Mode) -> Result<TrackerEngine, Failure> {
+    /// If the model's presence coefficients are wrong, or a threshold is.
+    pub fn new(
+        model: Model,
+        args: &EngineArgs,
+        mode: Mode,
+        thresholds: &[(String, f64)],
+    ) -> Result<TrackerEngine, Failure> {
         let conduct = match mode {
             Mode::Flight => Conduct::Recover,
             Mode::Plain => Conduct::Tell,
         };
         let options = FlightOptions {
-            threads: args.threads,
-            cores: args.cores(),
             conduct,
-            ..FlightOptions::new(&model)
+            ..flight_options(&model, args, thresholds)?
         };
         Ok(TrackerEngine {
             tracker: FlightTracker::new(model, options)?,
@@ -35,8 +39,8 @@ impl TrackerEngine {
         })
     }
 
-    /// Finds the target in the next picture, taken `elapsed` after the one before (none: at the rate
-    /// of the tracker's options), with this budget for the search of a lost one.
+    /// Finds the target in the next picture, taken `elapsed` after the one before (`None`: at the
+    /// rate of the tracker's options), with this budget for the search of a lost one.
     pub fn find(
         &mut self,
         picture: &Picture,

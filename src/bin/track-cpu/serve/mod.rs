@@ -27,7 +27,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     let model = args.engine.model(args.model.name())?;
     let (feed, repeats) = feed::open(args).map_err(station::Error::Source)?;
     let options = args.options(&model, repeats);
-    let mut engine = TrackerEngine::new(model, &args.engine, args.mode)?;
+    let mut engine = TrackerEngine::new(model, &args.engine, args.mode, &args.threshold)?;
     let station = Station::new(options);
     let stop = station.stopper();
     ctrlc::set_handler(stop).map_err(|error| station::Error::output("signals", error))?;

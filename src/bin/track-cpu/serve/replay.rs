@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 use station::log::{Asked, Entry, Reader, frame_name};
 use station::{Engine, FrameBox, Picture};
-use track_cpu::flight::Budget;
+use track_cpu::flight::{Budget, check_threshold};
 use track_cpu::source::{Input, Source};
 use track_cpu::{Isa, Precision};
 
@@ -86,7 +86,15 @@ fn engine(args: &ReplayArgs, log: &Reader) -> Result<TrackerEngine, Failure> {
         online_filter: Some(head["online_filter"].as_f64().unwrap_or(0.0)), // older logs had none
         search: Search::Full,
     };
-    TrackerEngine::new(engine.model(model.as_deref())?, &engine, mode)
+    // Older logs have no thresholds of their own.
+    let mut thresholds = Vec::new();
+    for entry in head["thresholds"].as_array().into_iter().flatten() {
+        let threshold = entry[0].as_str().zip(entry[1].as_f64());
+        let (name, value) = threshold.ok_or_else(|| log.wrong("names an unreadable threshold"))?;
+        check_threshold(name, value).map_err(|error| log.wrong(&error.to_string()))?;
+        thresholds.push((name.to_string(), value));
+    }
+    TrackerEngine::new(engine.model(model.as_deref())?, &engine, mode, &thresholds)
 }
 
 /// Does what the log says was done at a frame.
