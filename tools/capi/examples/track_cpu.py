@@ -6,6 +6,13 @@
     ok, (x, y, w, h) = tracker.update(frame)   # not rounded
     score = tracker.getTrackingScore()
 
+Flight mode says how sure it is and finds a lost target again:
+
+    tracker = track_cpu.FlightTracker(coast=2.0)     # thresholds by name, see track_cpu.h
+    tracker.init(frame, box)
+    track = tracker.update(frame, elapsed=1 / 30)    # track.box, .presence, .state, .believed
+    others = tracker.candidates()                    # [(box, score, similarity), ...]
+
 A frame may also be a PIL image, or (bytes, width, height) of BGR pixels. The library is looked for
 where the variable TRACK_CPU_LIBRARY says, beside this file, and in target/release;
 `cargo build --release -p capi` makes it.
@@ -15,6 +22,7 @@ Run as a program it follows an object through headerless RGB frames:
     ffmpeg -i flight.mp4 -f rawvideo -pix_fmt rgb24 - | python3 track_cpu.py 1280 720 300 120 40 24
 """
 
+import collections
 import ctypes
 import os
 import pathlib
@@ -46,6 +54,38 @@ class _Box(ctypes.Structure):
     _fields_ = [(name, ctypes.c_float) for name in "xywh"]
 
 
+class _FlightOptions(ctypes.Structure):
+    _fields_ = [
+        ("present", ctypes.c_double),
+        ("sure", ctypes.c_double),
+        ("absent", ctypes.c_double),
+        ("patience", ctypes.c_double),
+        ("coast", ctypes.c_double),
+        ("fps", ctypes.c_double),
+        ("confirm", ctypes.c_uint32),
+        ("tell_only", ctypes.c_uint32),
+    ]
+
+
+class _FlightTrack(ctypes.Structure):
+    _fields_ = [
+        ("box", _Box),
+        ("score", ctypes.c_float),
+        ("presence", ctypes.c_float),
+        ("state", ctypes.c_uint32),
+        ("believed", ctypes.c_uint32),
+        ("searches", ctypes.c_uint32),
+    ]
+
+
+class _Candidate(ctypes.Structure):
+    _fields_ = [("box", _Box), ("score", ctypes.c_float), ("similarity", ctypes.c_float)]
+
+
+STATES = ("tracking", "low_confidence", "coasting", "lost", "reacquired")
+FlightTrack = collections.namedtuple("FlightTrack", "box score presence state believed searches")
+
+
 def _load():
     here = pathlib.Path(__file__).resolve().parent
     name = {"darwin": "libtrack_cpu_c.dylib", "win32": "track_cpu_c.dll"}.get(sys.platform, "libtrack_cpu_c.so")
@@ -63,6 +103,24 @@ def _load():
         ("init", [handle, image, box]),
         ("update", [handle, image, box]),
         ("score", [handle, ctypes.POINTER(ctypes.c_float)]),
+        ("flight_defaults", [ctypes.POINTER(_FlightOptions)]),
+        (
+            "create_flight",
+            [
+                ctypes.c_char_p,
+                ctypes.c_uint32,
+                ctypes.POINTER(_FlightOptions),
+                ctypes.POINTER(handle),
+            ],
+        ),
+        (
+            "update_flight",
+            [handle, image, ctypes.c_double, ctypes.c_double, ctypes.POINTER(_FlightTrack)],
+        ),
+        (
+            "candidates",
+            [handle, ctypes.POINTER(_Candidate), ctypes.c_uint32, ctypes.POINTER(ctypes.c_uint32)],
+        ),
     ]:
         getattr(library, "track_cpu_" + function).argtypes = arguments
     library.track_cpu_destroy.argtypes = [handle]
@@ -160,6 +218,57 @@ class Tracker:
         score = ctypes.c_float()
         _check(_library.track_cpu_score(self._handle, ctypes.byref(score)))
         return score.value
+
+
+class FlightTracker(Tracker):
+    """Follows one object and says whether it is there.
+
+    Thresholds are those of track_cpu.h, by name.
+    """
+
+    def __init__(self, model=None, threads=1, **thresholds):
+        self._handle = ctypes.c_void_p()
+        options = _FlightOptions()
+        _check(_library.track_cpu_flight_defaults(ctypes.byref(options)))
+        for name, value in thresholds.items():
+            if not hasattr(options, name):
+                known = ", ".join(name for name, _ in _FlightOptions._fields_)
+                raise TypeError(f"no threshold {name!r}, expected one of {known}")
+            setattr(options, name, value)
+        path = None if model is None else os.fsencode(model)
+        _check(
+            _library.track_cpu_create_flight(
+                path, threads, ctypes.byref(options), ctypes.byref(self._handle)
+            )
+        )
+
+    def update(self, frame, format=BGR, elapsed=0.0, deadline=0.0):
+        """Finds the target, `elapsed` seconds after the last frame (0: 1 / fps): a FlightTrack.
+
+        Searches for a lost one take at most `deadline` seconds; 0 for two searches.
+        """
+        image, kept = _image(frame, format)
+        found = _FlightTrack()
+        _check(
+            _library.track_cpu_update_flight(
+                self._handle, ctypes.byref(image), elapsed, deadline, ctypes.byref(found)
+            )
+        )
+        del kept
+        box = (found.box.x, found.box.y, found.box.w, found.box.h)
+        state = STATES[found.state]
+        believed = bool(found.believed)
+        return FlightTrack(box, found.score, found.presence, state, believed, found.searches)
+
+    def candidates(self):
+        """The places that the last search found, the chosen one first: box, score, similarity."""
+        places = (_Candidate * 8)()
+        count = ctypes.c_uint32()
+        _check(_library.track_cpu_candidates(self._handle, places, len(places), ctypes.byref(count)))
+        return [
+            ((place.box.x, place.box.y, place.box.w, place.box.h), place.score, place.similarity)
+            for place in places[: count.value]
+        ]
 
 
 def main():

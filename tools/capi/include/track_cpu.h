@@ -77,6 +77,68 @@ int32_t track_cpu_update(track_cpu_tracker *tracker, const track_cpu_image *imag
  * track_cpu_init. */
 int32_t track_cpu_score(const track_cpu_tracker *tracker, float *out);
 
+/* Flight mode: says how sure it is, coasts while the target is hidden, finds it again. All of the
+ * functions above work on such a tracker, too; its track_cpu_score() is the presence.
+ *
+ * The defaults (track_cpu_flight_defaults) hold for all models, since presence is a calibrated
+ * probability. Act on a box only if `believed` is 1: the target is seen (not predicted) and its
+ * presence is at least 0.4. */
+typedef struct track_cpu_flight_options {
+    double present;  /* 0.5: least presence of a target that counts as seen; below it the state is
+                        LOW_CONFIDENCE */
+    double sure;     /* 0.8: least presence at which its motion is believed, and other objects
+                        beside it are remembered as look-alikes */
+    double absent;   /* 0.01: presence below which an empty look counts as absence */
+    double patience; /* 0.5: seconds of absence before the box is given up: COASTING */
+    double coast;    /* 1: seconds of COASTING before the target is LOST */
+    double fps;      /* 30: pictures per second where track_cpu_update_flight is told no time */
+    uint32_t confirm;   /* 3: looks in a row, one a picture, that confirm a place for a lost target */
+    uint32_t tell_only; /* 0; with 1 the box is never given up nor searched for: only presence tells */
+} track_cpu_flight_options;
+
+enum {
+    TRACK_CPU_TRACKING = 0,       /* the box is on the target */
+    TRACK_CPU_LOW_CONFIDENCE = 1, /* the box may be on the target */
+    TRACK_CPU_COASTING = 2,       /* the target is hidden; the box is predicted */
+    TRACK_CPU_LOST = 3,           /* the target is searched for; the box is where it would be */
+    TRACK_CPU_REACQUIRED = 4      /* the target was found again a moment ago */
+};
+
+/* Where the target is in one picture. */
+typedef struct track_cpu_flight_track {
+    track_cpu_box box;
+    float score;       /* raw score of the last search; no probability */
+    float presence;    /* probability that the box is on the target, 0 to 1 */
+    uint32_t state;    /* TRACK_CPU_TRACKING ... TRACK_CPU_REACQUIRED */
+    uint32_t believed; /* 1 if the box is worth acting on */
+    uint32_t searches; /* made for this picture */
+} track_cpu_flight_track;
+
+/* A place where the target may be. */
+typedef struct track_cpu_candidate {
+    track_cpu_box box;
+    float score;      /* 0 to 1 */
+    float similarity; /* cosine of its features with the target's, -1 to 1 */
+} track_cpu_candidate;
+
+/* Writes the default options. */
+int32_t track_cpu_flight_defaults(track_cpu_flight_options *out);
+
+/* Makes a tracker in flight mode, as track_cpu_create does; options may be NULL. */
+int32_t track_cpu_create_flight(const char *model_path, uint32_t threads,
+                                const track_cpu_flight_options *options, track_cpu_tracker **out);
+
+/* Finds the target in the next picture, taken `elapsed` seconds after the one before (0: 1 / fps).
+ * The search for a target that is not seen takes at most `deadline` seconds, but makes at least one
+ * attempt; with 0 it makes two, the same on every machine. */
+int32_t track_cpu_update_flight(track_cpu_tracker *tracker, const track_cpu_image *image,
+                                double elapsed, double deadline, track_cpu_flight_track *out);
+
+/* Writes up to `capacity` places that the last search found, the chosen one first, and their
+ * number: at most 5. */
+int32_t track_cpu_candidates(const track_cpu_tracker *tracker, track_cpu_candidate *candidates,
+                             uint32_t capacity, uint32_t *count);
+
 /* Ends a tracker, which no other thread may be using; a no-op for NULL. */
 void track_cpu_destroy(track_cpu_tracker *tracker);
 

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use track_cpu::flight::{PresenceError, ThresholdError};
 use track_cpu::{FrameError, ModelError, TrackError};
 
 /// Why a call failed. The codes are those of `track_cpu.h`.
@@ -28,9 +29,28 @@ pub enum Failure {
         /// What was given.
         found: u32,
     },
+    /// A number is none of those allowed.
+    #[error("{name} is {found}, expected {expected}")]
+    Number {
+        /// What it is called.
+        name: &'static str,
+        /// What was given.
+        found: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// A threshold is none of those allowed.
+    #[error(transparent)]
+    Threshold(#[from] ThresholdError),
+    /// The tracker is not in flight mode.
+    #[error("this tracker is not in flight mode: make it with track_cpu_create_flight")]
+    Mode,
     /// A model cannot be used.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// A model's presence coefficients cannot be used.
+    #[error(transparent)]
+    Presence(#[from] PresenceError),
     /// A picture is invalid.
     #[error(transparent)]
     Frame(#[from] FrameError),
@@ -50,10 +70,14 @@ pub enum Failure {
 impl Failure {
     fn code(&self) -> i32 {
         match self {
-            Failure::Null(_) | Failure::Threads { .. } | Failure::Path | Failure::Format { .. } => {
-                1
-            }
-            Failure::Model(_) => 2,
+            Failure::Null(_)
+            | Failure::Threads { .. }
+            | Failure::Path
+            | Failure::Format { .. }
+            | Failure::Number { .. }
+            | Failure::Threshold(_)
+            | Failure::Mode => 1,
+            Failure::Model(_) | Failure::Presence(_) => 2,
             Failure::Frame(_) => 3,
             Failure::Track(_) => 4,
             Failure::Panic(_) => 5,

@@ -1,8 +1,9 @@
-//! The tracker for C, C++ and Python: create, init, update, score, destroy. `include/track_cpu.h`
-//! is its documentation.
+//! The tracker for C, C++ and Python: create, init, update, score, destroy, and flight mode.
+//! `include/track_cpu.h` is its documentation.
 //!
 //! | where | what |
 //! |---|---|
+//! | `src/flight.rs` | flight mode's options, track and candidates as C sees them |
 //! | `include/track_cpu.h` | the header |
 //! | `examples/follow.c` | raw frames to boxes in C |
 //! | `examples/track_cpu.py` | the same library from Python by ctypes: a class in place of `cv2.TrackerNano` |
@@ -17,12 +18,17 @@
 //! here, and each block states what it relies on.
 
 mod failure;
+mod flight;
 
 use failure::{Failure, guarded};
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, TryLockError};
+use std::time::Duration;
+use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker, TrackerOptions};
+
+pub use flight::{track_cpu_candidate, track_cpu_flight_options, track_cpu_flight_track};
 
 /// Largest number of threads of one tracker.
 const MAX_THREADS: u32 = 256;
@@ -70,8 +76,14 @@ pub struct track_cpu_tracker {
 
 /// The tracker and what it last said; one call at a time uses them.
 struct Target {
-    tracker: Tracker,
+    tracker: Mode,
     score: f32,
+}
+
+/// A tracker of either mode.
+enum Mode {
+    Plain(Box<Tracker>),
+    Flight(Box<FlightTracker>),
 }
 
 impl track_cpu_tracker {
@@ -112,34 +124,93 @@ pub unsafe extern "C" fn track_cpu_create(
         // SAFETY: the caller promises that `out` is null or may be written to.
         let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
         *out = std::ptr::null_mut();
-        if !(1..=MAX_THREADS).contains(&threads) {
-            return Err(Failure::Threads {
-                found: threads,
-                most: MAX_THREADS,
-            });
-        }
-        let name = if model_path.is_null() {
-            None
-        } else {
-            // SAFETY: it is not null, and the caller promises that it then is a string that ends in
-            // 0.
-            let path = unsafe { CStr::from_ptr(model_path) };
-            Some(Path::new(path.to_str().map_err(|_| Failure::Path)?))
-        };
-        let model = Model::from_weights(&Model::find(name)?, Isa::detect())?;
+        // SAFETY: the caller promises that `model_path` is null or a string that ends in 0.
+        let model = unsafe { model(model_path, threads) }?;
         let options = TrackerOptions {
             threads: threads as usize,
             ..TrackerOptions::of(&model)
         };
         let tracker = Tracker::with_options(model, options);
-        let score = 0.0;
-        *out = Box::into_raw(Box::new(track_cpu_tracker {
-            target: Mutex::new(Target { tracker, score }),
-            process: std::process::id(),
-            threads,
-        }));
+        *out = made(Mode::Plain(Box::new(tracker)), threads);
         Ok(())
     })
+}
+
+/// Makes a tracker in flight mode, with the default options if `options` is null.
+///
+/// # Safety
+/// As of [`track_cpu_create`]; `options` is null or may be read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_create_flight(
+    model_path: *const c_char,
+    threads: u32,
+    options: *const track_cpu_flight_options,
+    out: *mut *mut track_cpu_tracker,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that `out` is null or may be written to.
+        let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
+        *out = std::ptr::null_mut();
+        // SAFETY: the caller promises that `model_path` is null or a string that ends in 0.
+        let model = unsafe { model(model_path, threads) }?;
+        let usual = FlightOptions {
+            threads: threads as usize,
+            ..FlightOptions::new(&model)
+        };
+        // SAFETY: the caller promises that it is null or may be read.
+        let options = match unsafe { options.as_ref() } {
+            Some(options) => options.over(usual)?,
+            None => usual,
+        };
+        let tracker = FlightTracker::new(model, options)?;
+        *out = made(Mode::Flight(Box::new(tracker)), threads);
+        Ok(())
+    })
+}
+
+/// Writes the default options of flight mode.
+///
+/// # Safety
+/// `out` is null or may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_flight_defaults(out: *mut track_cpu_flight_options) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that it is null or may be written to.
+        let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
+        *out = track_cpu_flight_options::of(&FlightOptions::new(&Model::builtin(Isa::detect())));
+        Ok(())
+    })
+}
+
+/// The model of a path or name, for so many threads.
+///
+/// # Safety
+/// `path` is null or a string that ends in 0.
+unsafe fn model(path: *const c_char, threads: u32) -> Result<Model, Failure> {
+    if !(1..=MAX_THREADS).contains(&threads) {
+        return Err(Failure::Threads {
+            found: threads,
+            most: MAX_THREADS,
+        });
+    }
+    let name = if path.is_null() {
+        None
+    } else {
+        // SAFETY: it is not null, and the caller promises that it then is a string that ends in 0.
+        let path = unsafe { CStr::from_ptr(path) };
+        Some(Path::new(path.to_str().map_err(|_| Failure::Path)?))
+    };
+    Ok(Model::from_weights(&Model::find(name)?, Isa::detect())?)
+}
+
+/// A tracker as C holds it.
+fn made(tracker: Mode, threads: u32) -> *mut track_cpu_tracker {
+    let score = 0.0;
+    Box::into_raw(Box::new(track_cpu_tracker {
+        target: Mutex::new(Target { tracker, score }),
+        process: std::process::id(),
+        threads,
+    }))
 }
 
 /// Takes what is inside a box as the target, forgetting any earlier one.
@@ -165,7 +236,10 @@ pub unsafe extern "C" fn track_cpu_init(
         let frame = unsafe { frame(image) }?;
         let mut held = tracker.lock()?;
         let bbox = BBox::new(target.x, target.y, target.w, target.h);
-        held.tracker.init(&frame, bbox)?;
+        match &mut held.tracker {
+            Mode::Plain(tracker) => tracker.init(&frame, bbox)?,
+            Mode::Flight(tracker) => tracker.init(&frame, bbox)?,
+        }
         held.score = 1.0;
         Ok(())
     })
@@ -192,14 +266,106 @@ pub unsafe extern "C" fn track_cpu_update(
         // SAFETY: the caller promises that the picture's bytes may be read.
         let frame = unsafe { frame(image) }?;
         let mut held = tracker.lock()?;
-        let track = held.tracker.update(&frame)?;
-        held.score = track.score;
-        *out = track_cpu_box {
-            x: track.bbox.x,
-            y: track.bbox.y,
-            w: track.bbox.w,
-            h: track.bbox.h,
+        let (bbox, score) = match &mut held.tracker {
+            Mode::Plain(tracker) => {
+                let track = tracker.update(&frame)?;
+                (track.bbox, track.score)
+            }
+            Mode::Flight(tracker) => {
+                let track = tracker.update(&frame, Budget::Searches(flight::SEARCHES))?;
+                (track.bbox, track.presence)
+            }
         };
+        held.score = score;
+        *out = bbox.into();
+        Ok(())
+    })
+}
+
+/// Finds the target of a tracker in flight mode in the next picture, or says that it is not there.
+///
+/// # Safety
+/// As of [`track_cpu_init`]; `out` is null or may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_update_flight(
+    tracker: *mut track_cpu_tracker,
+    image: *const track_cpu_image,
+    elapsed: f64,
+    deadline: f64,
+    out: *mut track_cpu_flight_track,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that it is null or a tracker; only its lock gives access to
+        // what changes.
+        let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
+        // SAFETY: the caller promises that it is null or may be read.
+        let image = unsafe { image.as_ref() }.ok_or(Failure::Null("image"))?;
+        // SAFETY: the caller promises that it is null or may be written to.
+        let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
+        // SAFETY: the caller promises that the picture's bytes may be read.
+        let frame = unsafe { frame(image) }?;
+        let seconds = |name, value: f64| {
+            Duration::try_from_secs_f64(value).map_err(|_| Failure::Number {
+                name,
+                found: value,
+                expected: "seconds, 0 or more",
+            })
+        };
+        let elapsed = seconds("elapsed", elapsed)?;
+        let deadline = seconds("deadline", deadline)?;
+        let budget = if deadline.is_zero() {
+            Budget::Searches(flight::SEARCHES)
+        } else {
+            Budget::Deadline(deadline)
+        };
+        let mut held = tracker.lock()?;
+        let Mode::Flight(flying) = &mut held.tracker else {
+            return Err(Failure::Mode);
+        };
+        let track = if elapsed.is_zero() {
+            flying.update(&frame, budget)?
+        } else {
+            flying.update_after(elapsed, &frame, budget)?
+        };
+        held.score = track.presence;
+        *out = track.into();
+        Ok(())
+    })
+}
+
+/// Writes the places that the last search of a tracker in flight mode found, the chosen one first,
+/// and their number.
+///
+/// # Safety
+/// `tracker` is null or was made by [`track_cpu_create_flight`] and is not destroyed; `candidates`
+/// is null or `capacity` of them may be written there; `count` is null or may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_candidates(
+    tracker: *const track_cpu_tracker,
+    candidates: *mut track_cpu_candidate,
+    capacity: u32,
+    count: *mut u32,
+) -> i32 {
+    guarded(|| {
+        // SAFETY: the caller promises that it is null or a tracker.
+        let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
+        // SAFETY: the caller promises that it is null or may be written to.
+        let count = unsafe { count.as_mut() }.ok_or(Failure::Null("count"))?;
+        if candidates.is_null() {
+            return Err(Failure::Null("candidates"));
+        }
+        let held = tracker.lock()?;
+        let Mode::Flight(flying) = &held.tracker else {
+            return Err(Failure::Mode);
+        };
+        let found = flying.candidates();
+        let written = found.len().min(capacity as usize);
+        for (i, candidate) in found[..written].iter().enumerate() {
+            // SAFETY: it is not null, and `i` is below `capacity`, up to which the caller promises
+            // that it may be written to.
+            unsafe { candidates.add(i).write((*candidate).into()) };
+        }
+        *count = written as u32;
         Ok(())
     })
 }

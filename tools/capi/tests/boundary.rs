@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::ptr::{null, null_mut};
+use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
 use track_cpu_c::*;
 
@@ -103,6 +104,150 @@ fn boxes_by_the_c_interface_equal_those_in_rust() {
         track_cpu_destroy(null_mut());
         let version = CStr::from_ptr(track_cpu_version());
         assert_eq!(version.to_str().unwrap(), env!("CARGO_PKG_VERSION"));
+    }
+}
+
+#[test]
+fn flight_mode_by_the_c_interface_equals_that_in_rust() {
+    let pictures = frames();
+    let model = Model::builtin(Isa::detect());
+    let options = FlightOptions {
+        coast: 2.5,
+        ..FlightOptions::new(&model)
+    };
+    let mut flying = FlightTracker::new(model, options).unwrap();
+    let [x, y, w, h] = INIT;
+    let given = track_cpu_box { x, y, w, h };
+    let rgb = |pixels| Frame::new(pixels, WIDTH, HEIGHT, ChannelOrder::Rgb).unwrap();
+    flying
+        .init(&rgb(&pictures[0]), BBox::new(x, y, w, h))
+        .unwrap();
+    let mut tracker = null_mut();
+    let mut found = track_cpu_flight_track::default();
+    let mut places = [track_cpu_candidate::default(); 5];
+    let mut count = 0;
+    // SAFETY: every pointer is to something that lives here, and the tracker is destroyed once.
+    unsafe {
+        let mut thresholds = std::mem::zeroed();
+        assert_eq!(track_cpu_flight_defaults(&mut thresholds), 0);
+        thresholds.coast = 2.5;
+        assert_eq!(
+            track_cpu_create_flight(null(), 1, &thresholds, &mut tracker),
+            0
+        );
+        assert_eq!(track_cpu_init(tracker, &image(&pictures[0]), &given), 0);
+        for pixels in &pictures[1..] {
+            let elapsed = std::time::Duration::from_millis(100);
+            let expected = flying
+                .update_after(elapsed, &rgb(pixels), Budget::Searches(2))
+                .unwrap();
+
+            let code = track_cpu_update_flight(tracker, &image(pixels), 0.1, 0.0, &mut found);
+
+            assert_eq!(code, 0, "{}", last_error());
+            assert_eq!(found, expected.into());
+            assert_eq!(
+                track_cpu_candidates(tracker, places.as_mut_ptr(), 5, &mut count),
+                0
+            );
+            assert_eq!(count as usize, flying.candidates().len());
+            for (place, expected) in places.iter().zip(flying.candidates()) {
+                assert_eq!(*place, (*expected).into());
+            }
+        }
+        track_cpu_destroy(tracker);
+    }
+}
+
+#[test]
+fn bad_flight_argument_gives_a_code_and_a_message() {
+    let pictures = frames();
+    let [x, y, w, h] = INIT;
+    let mut tracker = null_mut();
+    let mut found = track_cpu_flight_track::default();
+    let told = |code: i32, part: &str| {
+        assert!(
+            code == 1 && last_error().contains(part),
+            "{code} {}",
+            last_error()
+        );
+    };
+    // SAFETY: every pointer is null or to something that lives here.
+    unsafe {
+        let mut usual = std::mem::zeroed();
+        assert_eq!(track_cpu_flight_defaults(&mut usual), 0);
+        for (bad, part) in [
+            (
+                track_cpu_flight_options {
+                    present: 1.5,
+                    ..usual
+                },
+                "present is 1.5, expected 0 to 1",
+            ),
+            (
+                track_cpu_flight_options {
+                    coast: f64::NAN,
+                    ..usual
+                },
+                "coast is NaN",
+            ),
+            (
+                track_cpu_flight_options { fps: 0.0, ..usual },
+                "fps is 0, expected 0.1 to 1000",
+            ),
+            (
+                track_cpu_flight_options {
+                    confirm: 0,
+                    ..usual
+                },
+                "confirm is 0",
+            ),
+            (
+                track_cpu_flight_options {
+                    tell_only: 2,
+                    ..usual
+                },
+                "tell_only is 2, expected 0 or 1",
+            ),
+        ] {
+            told(track_cpu_create_flight(null(), 1, &bad, &mut tracker), part);
+            assert!(tracker.is_null());
+        }
+        told(track_cpu_flight_defaults(null_mut()), "out is null");
+        assert_eq!(track_cpu_create(null(), 1, &mut tracker), 0);
+        let picture = image(&pictures[0]);
+        let (mut place, mut count) = (track_cpu_candidate::default(), 0);
+        told(
+            track_cpu_update_flight(tracker, &picture, 0.0, 0.0, &mut found),
+            "flight mode",
+        );
+        told(
+            track_cpu_candidates(tracker, &mut place, 1, &mut count),
+            "flight mode",
+        );
+        track_cpu_destroy(tracker);
+        assert_eq!(track_cpu_create_flight(null(), 1, null(), &mut tracker), 0);
+        assert_eq!(
+            track_cpu_init(tracker, &picture, &track_cpu_box { x, y, w, h }),
+            0
+        );
+        for elapsed in [-1.0, f64::NAN, f64::INFINITY] {
+            told(
+                track_cpu_update_flight(tracker, &picture, elapsed, 0.0, &mut found),
+                "expected seconds, 0 or more",
+            );
+        }
+        told(
+            track_cpu_candidates(tracker, null_mut(), 1, &mut count),
+            "candidates is null",
+        );
+        assert_eq!(
+            track_cpu_update_flight(tracker, &picture, 1e9, 1e-9, &mut found),
+            0
+        );
+        assert_eq!(track_cpu_candidates(tracker, &mut place, 0, &mut count), 0);
+        assert_eq!(count, 0);
+        track_cpu_destroy(tracker);
     }
 }
 
@@ -399,6 +544,14 @@ refused(lambda: tracker.update("frame.png"), ValueError, "frame is a str")
 refused(lambda: __import__("copy").copy(tracker), TypeError, "cannot be copied")
 refused(lambda: __import__("copy").deepcopy(tracker), TypeError, "cannot be copied")
 refused(lambda: __import__("pickle").dumps(tracker), TypeError, "cannot be copied or pickled")
+flying = track_cpu.FlightTracker(coast=2.0)
+flying.init(gray, (10, 10, 8, 8), track_cpu.GRAY)
+track = flying.update(gray, track_cpu.GRAY, elapsed=0.1)
+assert len(track.box) == 4 and 0 <= track.presence <= 1 and track.state in track_cpu.STATES, track
+assert not track.believed and flying.getTrackingScore() == track.presence, track  # all is black
+assert len(flying.candidates()) <= 5 and all(len(place) == 3 for place in flying.candidates())
+refused(lambda: track_cpu.FlightTracker(patients=2), TypeError, "no threshold 'patients'")
+assert code(lambda: track_cpu.FlightTracker(absent=2)) == (1, "absent is 2, expected 0 to 1")
 print("passed", track_cpu.__version__)
 "#;
     let output = Command::new("python3")
