@@ -10,7 +10,7 @@ use crate::clips;
 use crate::collect::{Sample, Samples, collect};
 use crate::fit::{Labeled, Look, logistic};
 use crate::measure::{auroc, log_loss, reliability};
-use crate::{CalibrateArgs, Failure, load};
+use crate::{CalibrateArgs, Failure, load, spare, write_text};
 
 /// Shares of the frame before that are tried.
 const MEMORIES: [f64; 5] = [0.0, 0.3, 0.5, 0.65, 0.8];
@@ -24,6 +24,25 @@ const FOLDS: usize = 10;
 
 /// Runs the sub-command.
 pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
+    // The file that --into names is read as well, and carries the coefficients from then on.
+    spare(
+        &[
+            ("--into", args.into.as_ref()),
+            ("--text", args.text.as_ref()),
+            ("--dump", args.dump.as_ref()),
+        ],
+        &[
+            args.footage.sequences.as_ref(),
+            args.footage.stills.as_ref(),
+        ],
+    )?;
+    spare(
+        &[
+            ("--text", args.text.as_ref()),
+            ("--dump", args.dump.as_ref()),
+        ],
+        &[args.model.as_ref()],
+    )?;
     let model = load(args.model.as_ref())?;
     let mut clips = clips::flights(&args.flights, args.seed);
     clips.extend(clips::footage(&args.footage)?);
@@ -54,8 +73,7 @@ pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         println!("AUROC of {name} alone: {}", shown(alone));
     }
     if let Some(path) = &args.text {
-        std::fs::write(path, presence.to_text())
-            .map_err(|error| Failure::File(path.clone(), error.to_string()))?;
+        write_text(path, &presence.to_text())?;
     }
     match &args.into {
         Some(path) => write(path, &presence),
@@ -110,7 +128,7 @@ fn dump(path: &Path, clips: &[Samples]) -> Result<(), Failure> {
             }
         }
     }
-    std::fs::write(path, text).map_err(|error| Failure::File(path.into(), error.to_string()))
+    write_text(path, &text)
 }
 
 /// Adds the coefficients to a weights file.

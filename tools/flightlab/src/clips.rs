@@ -122,7 +122,8 @@ pub fn footage(args: &FootageArgs) -> Result<Vec<Clip>, Failure> {
     let mut clips = Vec::new();
     for sequence in whole {
         let name = sequence.annotation.name.clone();
-        for seed in 1..=args.panning {
+        for pass in 0..args.panning {
+            let seed = args.virtual_from.saturating_add(pass);
             clips.extend(virtual_camera(&sequence, &stills, seed)?);
         }
         if args.panning > 0 && !args.plain_too {

@@ -10,28 +10,42 @@ use track_cpu::{BBox, Model, State, Tracker};
 
 use crate::clips::{self, OFF, ON, each, tracked};
 use crate::measure::{auroc, reliability};
-use crate::{Failure, SequencesArgs, load, presence};
+use crate::{Failure, SequencesArgs, load, losses, presence, spare, write_text};
 
 /// What one frame came to.
 #[derive(Clone, Copy, Debug)]
-struct Moment {
-    bbox: BBox,
-    presence: f64,
-    state: State,
-    believed: bool,
-    score: f32,
+pub struct Moment {
+    /// The box.
+    pub bbox: BBox,
+    /// Presence; the score in plain mode.
+    pub presence: f64,
+    /// The state; always tracking in plain mode.
+    pub state: State,
+    /// Whether the box is worth acting on.
+    pub believed: bool,
+    /// The raw score.
+    pub score: f32,
 }
 
 /// What one pass over a sequence came to.
 #[derive(Debug)]
-struct Pass {
-    annotation: Annotation,
+pub struct Pass {
+    /// The truth.
+    pub annotation: Annotation,
     plain: Vec<Moment>,
-    flight: Vec<Moment>,
+    /// Flight mode, frame by frame.
+    pub flight: Vec<Moment>,
 }
 
 /// Runs the sub-command.
 pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
+    spare(
+        &[
+            ("--traces", args.traces.as_ref()),
+            ("--losses", args.losses.as_ref()),
+        ],
+        &[Some(&args.folder), args.model.as_ref(), args.text.as_ref()],
+    )?;
     let model = load(args.model.as_ref())?;
     let presence = presence(args.text.as_ref(), &model)?;
     let mut sequences = clips::load(&args.folder, &args.only)?;
@@ -47,6 +61,10 @@ pub fn run(args: &SequencesArgs) -> Result<(), Failure> {
         }
     }
     report(&passes);
+    if let Some(folder) = &args.losses {
+        let count = losses::write(folder, &passes, &sequences)?;
+        eprintln!("{count} losses in {}", folder.join("index.html").display());
+    }
     Ok(())
 }
 
@@ -219,6 +237,6 @@ fn write_trace(folder: &Path, pass: &Pass) -> Result<(), Failure> {
         );
     }
     std::fs::create_dir_all(folder)
-        .and_then(|()| std::fs::write(&path, text))
-        .map_err(|error| Failure::File(path, error.to_string()))
+        .map_err(|error| Failure::Unwritable(folder.into(), error.to_string()))?;
+    write_text(&path, &text)
 }

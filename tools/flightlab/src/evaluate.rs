@@ -7,16 +7,23 @@ use scenes::Difficulty;
 
 use crate::clips::{self, Clip, GONE, OFF, ON, Truth, each_clip, is_on};
 use crate::measure::{auroc, reliability};
-use crate::{EvaluateArgs, Failure, load, plots, presence};
+use crate::{EvaluateArgs, Failure, load, plots, presence, spare};
 
 /// Frames after a return within which the target must be found again.
 const RETURN_FRAMES: usize = 60;
+/// Frames after a return within which the target should be found again, if it was gone for
+/// [`LONG_ABSENCE`] frames: the stricter count, of targets that were tracked before or not.
+const SOON_FRAMES: usize = 45;
+/// Frames of such an absence.
+const LONG_ABSENCE: usize = 8;
 /// Frames on another object, surely, that count as having locked on it.
 const WRONG_FRAMES: u32 = 15;
 /// Shortest absence that counts, in frames.
 const ABSENCE: usize = 5;
 /// Share visible from which the target must be tracked.
 const CLEAR: f32 = 0.5;
+/// Share visible below which nothing of the target counts as there.
+const ANYTHING: f32 = 0.1;
 /// Frames without an overlap that end a crossing.
 const APART: usize = 15;
 
@@ -55,6 +62,15 @@ struct Outcome {
 
 /// Runs the sub-command.
 pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+    spare(
+        &[("--plots", args.plots.as_ref())],
+        &[
+            args.footage.sequences.as_ref(),
+            args.footage.stills.as_ref(),
+            args.model.as_ref(),
+            args.text.as_ref(),
+        ],
+    )?;
     let model = load(args.model.as_ref())?;
     let presence = presence(args.text.as_ref(), &model)?;
     let mut clips = clips::flights(&args.flights, args.seed);
@@ -284,6 +300,27 @@ fn returns(moments: &[Moment]) -> [Count; 2] {
     counts
 }
 
+/// Every return after a long absence, and how many of them were found again soon, or before the
+/// next absence.
+fn all_returns(moments: &[Moment]) -> Count {
+    let mut count = Count::default();
+    let mut gone = 0;
+    for (at, moment) in moments.iter().enumerate() {
+        if moment.visible < ANYTHING {
+            gone += 1;
+        } else if moment.visible >= CLEAR {
+            if gone >= LONG_ABSENCE {
+                let back = moments[at..].iter().take(SOON_FRAMES);
+                let mut there = back.take_while(|m| m.visible >= ANYTHING);
+                let is_found = |m: &Moment| m.visible >= CLEAR && m.iou >= ON && m.believed;
+                count.add(there.any(is_found));
+            }
+            gone = 0;
+        }
+    }
+    count
+}
+
 /// Look-alikes that came across a target that was tracked, and how many of them were followed in
 /// its place within two seconds.
 fn crossings(moments: &[Moment]) -> Count {
@@ -353,6 +390,12 @@ fn summarize(name: &str, flights: &[&[Moment]]) {
         shown(auroc(&labeled)),
         shown(auroc(&gone))
     );
+    let visible = |m: &&Moment| m.visible >= CLEAR;
+    println!(
+        "visible frames on the target {:.2} %, off it but believed {:.2} %",
+        100.0 * share(&visible, &|m| m.iou >= ON),
+        100.0 * share(&visible, &|m| m.iou < ON && m.believed)
+    );
     println!(
         "frames on the target but not believed {:.2} %",
         100.0 * false_lost
@@ -364,6 +407,10 @@ fn summarize(name: &str, flights: &[&[Moment]]) {
     println!(
         "found again within {RETURN_FRAMES} frames: into the view {}, from behind something {}",
         returns[0], returns[1]
+    );
+    println!(
+        "found again within {SOON_FRAMES} frames, of all returns after {LONG_ABSENCE} frames: {}",
+        Count::sum(flights.iter().map(|f| all_returns(f)))
     );
     println!("look-alikes that crossed the target and were followed in its place: {crossings}");
     println!(
@@ -410,6 +457,34 @@ mod tests {
             returns(&[&there[..], &outside, &back].concat()),
             [count(1, 1), count(0, 0)]
         );
+    }
+
+    #[test]
+    fn every_long_absence_has_a_return_that_is_found_soon_or_not() {
+        let there = [moment(1.0, 0.8, true); 20];
+        let away = [moment(0.0, 0.0, false); 10];
+        let off = [moment(1.0, 0.0, false); 50];
+        let count = |times, hits| Count { times, hits };
+        let table = [
+            ([&there[..], &away, &there].concat(), count(1, 1)),
+            (
+                [&there[..], &away, &off[..44], &there].concat(),
+                count(1, 1),
+            ),
+            (
+                [&there[..], &away, &off[..45], &there].concat(),
+                count(1, 0),
+            ),
+            (
+                [&there[..], &away, &off[..9], &away, &there].concat(),
+                count(2, 1),
+            ),
+            ([&there[..], &away[..7], &there].concat(), count(0, 0)),
+        ];
+
+        for (moments, expected) in table {
+            assert_eq!(all_returns(&moments), expected);
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //! | `collect.rs` | evidence with the truth about it |
 //! | `calibrate.rs`, `fit.rs` | `calibrate`: logistic regression, smoothing, cross-validation |
 //! | `evaluate.rs` | `evaluate`: losses, returns, wrong targets |
-//! | `compare.rs` | `sequences`: plain and flight mode on real sequences |
+//! | `compare.rs`, `losses.rs` | `sequences`: plain and flight mode on real sequences; a page of losses |
 //! | `measure.rs`, `plots.rs` | ROC and reliability: figures and plots |
 //! | `chance.rs` | random numbers |
 
@@ -20,13 +20,14 @@ mod collect;
 mod compare;
 mod evaluate;
 mod fit;
+mod losses;
 mod measure;
 mod panning;
 mod plots;
 
 use clap::{Args, Parser, Subcommand};
-use program::Exit;
-use std::path::PathBuf;
+use program::{Exit, NewFile, check_outputs};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use track_cpu::flight::Presence;
 use track_cpu::{Isa, Model, ModelError};
@@ -85,6 +86,9 @@ pub struct FootageArgs {
         value_name = "SEEDS"
     )]
     pub panning: u64,
+    /// First seed of the virtual camera.
+    #[arg(long, default_value_t = 1, value_name = "SEED")]
+    pub virtual_from: u64,
     /// With --virtual: the sequences as they are, too.
     #[arg(long)]
     pub plain_too: bool,
@@ -184,6 +188,9 @@ struct SequencesArgs {
     /// Folder for a text per pass with a line per frame.
     #[arg(long)]
     traces: Option<PathBuf>,
+    /// Folder for a page of flight mode's losses, index.html, with a contact sheet each.
+    #[arg(long)]
+    losses: Option<PathBuf>,
 }
 
 /// Why a command failed.
@@ -204,6 +211,15 @@ pub enum Failure {
     /// A file cannot be read or written.
     #[error("{0}: {1}")]
     File(PathBuf, String),
+    /// An output cannot be written.
+    #[error("{0}: {1}")]
+    Unwritable(PathBuf, String),
+    /// An output would overwrite an input.
+    #[error(transparent)]
+    Clash(#[from] program::Clash),
+    /// A contact sheet cannot be made.
+    #[error(transparent)]
+    Sheet(#[from] ope::Error),
     /// There is nothing to work on.
     #[error("{0}")]
     Nothing(String),
@@ -220,8 +236,11 @@ impl Failure {
     fn exit(&self) -> Exit {
         match self {
             Failure::Model(_) | Failure::Presence(_) | Failure::Read(_) => Exit::Model,
-            Failure::Write(_) => Exit::Output,
-            Failure::Sequences(_) | Failure::File(..) | Failure::Nothing(_) => Exit::Input,
+            Failure::Write(_) | Failure::Unwritable(..) => Exit::Output,
+            Failure::Clash(_) => Exit::Usage,
+            Failure::Sheet(_) | Failure::Sequences(_) | Failure::File(..) | Failure::Nothing(_) => {
+                Exit::Input
+            }
             Failure::Track(_) => Exit::Target,
         }
     }
@@ -230,6 +249,28 @@ impl Failure {
 /// The model of a file, or the built-in one.
 fn load(path: Option<&PathBuf>) -> Result<Model, ModelError> {
     Model::from_weights(&Model::find(path.map(PathBuf::as_path))?, Isa::detect())
+}
+
+/// Refuses outputs that would overwrite an input.
+fn spare(
+    outputs: &[(&'static str, Option<&PathBuf>)],
+    inputs: &[Option<&PathBuf>],
+) -> Result<(), Failure> {
+    let outputs: Vec<(&str, &Path)> = outputs
+        .iter()
+        .filter_map(|(option, path)| Some((*option, path.as_ref()?.as_path())))
+        .collect();
+    let inputs: Vec<&Path> = inputs
+        .iter()
+        .filter_map(|path| Some(path.as_ref()?.as_path()))
+        .collect();
+    Ok(check_outputs(&outputs, &inputs)?)
+}
+
+/// Writes a text, whole or not at all.
+fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
+    NewFile::write(path, text.as_bytes())
+        .map_err(|error| Failure::Unwritable(path.into(), error.to_string()))
 }
 
 /// The presence coefficients of a text file, or the model's.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use sequences::plot::{Axes, Series, lines};
 
-use crate::Failure;
+use crate::{Failure, write_text};
 
 /// Frames with their probability and whether it came true.
 pub type Samples = [(f64, bool)];
@@ -57,10 +57,10 @@ pub fn write(folder: &Path, on_off: &Samples, visible_gone: &Samples) -> Result<
         },
     ];
     let presence = lines(&axes, &series, false);
-    let wrong = |error: std::io::Error| Failure::File(folder.into(), error.to_string());
+    let wrong = |error: std::io::Error| Failure::Unwritable(folder.into(), error.to_string());
     std::fs::create_dir_all(folder).map_err(wrong)?;
     for (name, svg) in [("flight-roc.svg", roc), ("flight-presence.svg", presence)] {
-        std::fs::write(folder.join(name), svg).map_err(wrong)?;
+        write_text(&folder.join(name), &svg)?;
     }
     Ok(())
 }
