@@ -264,7 +264,10 @@ class FlightTracker(Tracker):
         """The places that the last search found, the chosen one first: box, score, similarity."""
         places = (_Candidate * 8)()
         count = ctypes.c_uint32()
-        _check(_library.track_cpu_candidates(self._handle, places, len(places), ctypes.byref(count)))
+        found = _library.track_cpu_candidates(
+            self._handle, places, len(places), ctypes.byref(count)
+        )
+        _check(found)
         return [
             ((place.box.x, place.box.y, place.box.w, place.box.h), place.score, place.similarity)
             for place in places[: count.value]

@@ -92,8 +92,8 @@ typedef struct track_cpu_flight_options {
     double patience; /* 0.5: seconds of absence before the box is given up: COASTING */
     double coast;    /* 1: seconds of COASTING before the target is LOST */
     double fps;      /* 30: pictures per second where track_cpu_update_flight is told no time */
-    uint32_t confirm;   /* 3: looks in a row, one a picture, that confirm a place for a lost target */
-    uint32_t tell_only; /* 0; with 1 the box is never given up nor searched for: only presence tells */
+    uint32_t confirm;   /* 3: looks in a row, one a picture, that confirm a lost target's place */
+    uint32_t tell_only; /* 0; with 1 no box is given up or searched for: only presence tells */
 } track_cpu_flight_options;
 
 enum {

@@ -551,7 +551,7 @@ assert len(track.box) == 4 and 0 <= track.presence <= 1 and track.state in track
 assert not track.believed and flying.getTrackingScore() == track.presence, track  # all is black
 assert len(flying.candidates()) <= 5 and all(len(place) == 3 for place in flying.candidates())
 refused(lambda: track_cpu.FlightTracker(patients=2), TypeError, "no threshold 'patients'")
-assert code(lambda: track_cpu.FlightTracker(absent=2)) == (1, "absent is 2, expected 0 to 1")
+assert code(lambda: track_cpu.FlightTracker(absent=2)) == (1, "threshold absent is 2, expected 0 to 1")
 print("passed", track_cpu.__version__)
 "#;
     let output = Command::new("python3")
