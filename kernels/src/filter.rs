@@ -183,7 +183,6 @@ impl Respond<'_> {
     /// The trick is reuse: neighbors see the same cells, so that `VALUES + TAPS - 1` cells and
     /// `TAPS` taps are loaded for `VALUES * TAPS` multiply-adds.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the vectors in registers
     fn tile<S: Simd, const TAPS: usize, const VALUES: usize>(
         &mut self,
         simd: S,
@@ -303,7 +302,10 @@ impl Adjoint<'_> {
     /// A vector of features is loaded once for all rows, and a value of the response broadcast once
     /// for all vectors.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "constant indices keep the sums in registers"
+    )]
     fn tile<S: Simd, const ROWS: usize, const VECTORS: usize>(
         &mut self,
         simd: S,
@@ -362,7 +364,7 @@ impl Adjoint<'_> {
 mod tests {
     use super::*;
     use crate::reference;
-    use crate::testing::{assert_close, noise};
+    use testing::{assert_close, noise};
 
     fn shapes() -> impl Iterator<Item = FilterShape> {
         let sizes = [(4, 4, 4), (7, 9, 4), (6, 5, 1), (5, 14, 3)];

@@ -84,7 +84,7 @@ pub fn product(a: Matrix, b: Matrix, c: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{assert_close, noise};
+    use testing::{assert_close, noise};
 
     fn transpose(data: &[f32], rows: usize, columns: usize) -> Vec<f32> {
         (0..data.len())

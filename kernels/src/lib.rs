@@ -101,35 +101,3 @@ impl Size {
         self.h * self.w
     }
 }
-
-#[cfg(test)]
-mod testing {
-    //! Test data and comparison.
-
-    /// `n` pseudo-random values in `[-1, 1)`; the same for the same `seed`.
-    pub fn noise(n: usize, seed: u64) -> Vec<f32> {
-        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-        let next = |_| {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-        };
-        (0..n).map(next).collect()
-    }
-
-    /// Asserts that every value is within `tolerance` of the expected one, as a fraction of the
-    /// expected values' RMS.
-    pub fn assert_close(found: &[f32], expected: &[f64], tolerance: f64, what: &str) {
-        assert_eq!(found.len(), expected.len(), "{what}: length");
-        let rms =
-            (expected.iter().map(|v| v * v).sum::<f64>() / expected.len().max(1) as f64).sqrt();
-        for (i, (f, e)) in found.iter().zip(expected).enumerate() {
-            let error = (f64::from(*f) - e).abs();
-            assert!(
-                error <= tolerance * rms.max(1e-6),
-                "{what}: [{i}] is {f}, expected {e}"
-            );
-        }
-    }
-}

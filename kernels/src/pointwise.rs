@@ -29,7 +29,7 @@ pub fn scaled_exp(x: &mut [f32], factor: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::assert_close;
+    use testing::assert_close;
 
     #[test]
     fn sigmoid_and_exp_equal_the_reference() {

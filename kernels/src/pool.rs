@@ -46,10 +46,7 @@ pub fn max_pool(
     channels: usize,
     out: &mut [f32],
 ) -> Size {
-    let out_size = out_size(size);
-    assert_eq!(input.len(), size.area() * channels, "input of max_pool");
-    assert_eq!(out.len(), out_size.area() * channels, "output of max_pool");
-    threads.split_rows(out, out_size.w * channels, |first_row, out| {
+    over_rows(threads, input, size, channels, out, |first_row, out| {
         isa.run(MaxPool {
             input,
             size,
@@ -57,8 +54,7 @@ pub fn max_pool(
             first_row,
             out,
         });
-    });
-    out_size
+    })
 }
 
 /// Does what [`max_pool`] does on bytes. Quantization is monotonic, so that pooling may follow it.
@@ -72,10 +68,7 @@ pub fn max_pool_bytes(
     channels: usize,
     out: &mut [u8],
 ) -> Size {
-    let out_size = out_size(size);
-    assert_eq!(input.len(), size.area() * channels, "input of max_pool");
-    assert_eq!(out.len(), out_size.area() * channels, "output of max_pool");
-    threads.split_rows(out, out_size.w * channels, |first_row, out| {
+    over_rows(threads, input, size, channels, out, |first_row, out| {
         isa.run(MaxPoolBytes {
             input,
             size,
@@ -83,7 +76,23 @@ pub fn max_pool_bytes(
             first_row,
             out,
         });
-    });
+    })
+}
+
+/// Splits the output's rows over the threads; `pool` computes some of them, from a number on.
+/// Returns the output's size.
+fn over_rows<T: Send + Sync>(
+    threads: &Threads,
+    input: &[T],
+    size: Size,
+    channels: usize,
+    out: &mut [T],
+    pool: impl Fn(usize, &mut [T]) + Sync,
+) -> Size {
+    let out_size = out_size(size);
+    assert_eq!(input.len(), size.area() * channels, "input of max_pool");
+    assert_eq!(out.len(), out_size.area() * channels, "output of max_pool");
+    threads.split_rows(out, out_size.w * channels, pool);
     out_size
 }
 
@@ -203,7 +212,7 @@ fn largest<S: Simd, const ROWS: usize, const COLUMNS: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{assert_close, noise};
+    use testing::{assert_close, noise};
 
     #[test]
     fn max_pool_of_any_channels_and_sides_equals_the_reference() {

@@ -157,7 +157,7 @@ impl Kernel for Quantize<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::noise;
+    use testing::noise;
 
     #[test]
     fn quantized_rows_equal_the_reference_and_spare_their_surroundings() {

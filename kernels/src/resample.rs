@@ -301,7 +301,7 @@ mod tests {
 
     fn image(size: Size, bytes_per_pixel: usize, gap: usize) -> (Vec<u8>, usize) {
         let stride = size.w * bytes_per_pixel + gap;
-        let data = crate::testing::noise(stride * size.h, 11);
+        let data = testing::noise(stride * size.h, 11);
         (
             data.iter().map(|v| (v * 127.0 + 128.0) as u8).collect(),
             stride,

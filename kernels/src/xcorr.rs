@@ -23,21 +23,35 @@ struct Correlate<'a> {
     out: &'a mut [f32], // [rows, W', channels]
 }
 
-/// Correlates `search` (`[H, W, channels]`) with `template` (`[h, w, channels]`) into `out` and
-/// returns its size.
+/// Features in a slice.
+#[derive(Clone, Copy, Debug)]
+pub struct Features<'a> {
+    /// `[size.h, size.w, channels]`.
+    pub values: &'a [f32],
+    /// Height and width.
+    pub size: Size,
+}
+
+/// Correlates `search` with `template`, both of `channels` channels, into `out`
+/// (`[H-h+1, W-w+1, channels]`) and returns the size of `out`.
 ///
 /// Panics if a length is not that of its shape, or if the template is the larger one.
-#[allow(clippy::too_many_arguments)] // two maps with their sizes
 pub fn xcorr(
     isa: Isa,
     threads: &Threads,
-    search: &[f32],
-    size: Size,
-    template: &[f32],
-    template_size: Size,
+    search: Features,
+    template: Features,
     channels: usize,
     out: &mut [f32],
 ) -> Size {
+    let Features {
+        values: search,
+        size,
+    } = search;
+    let Features {
+        values: template,
+        size: template_size,
+    } = template;
     assert!(
         template_size.h <= size.h && template_size.w <= size.w,
         "template {template_size:?} in {size:?}"
@@ -163,7 +177,6 @@ impl Correlate<'_> {
 /// Adds the products of `COLUMNS` columns of a template row (`z`) with a row of search features
 /// (`x`) to neighboring pixels: each value is loaded once. Returns `COLUMNS`.
 #[inline(always)]
-#[allow(clippy::needless_range_loop)] // constant indices keep the values in registers
 fn add<S: Simd, const PIXELS: usize, const COLUMNS: usize>(
     simd: S,
     sums: &mut [S::F32; PIXELS],
@@ -185,7 +198,7 @@ fn add<S: Simd, const PIXELS: usize, const COLUMNS: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{assert_close, noise};
+    use testing::{assert_close, noise};
 
     #[test]
     fn xcorr_of_any_channels_and_sizes_equals_the_reference() {
@@ -195,22 +208,17 @@ mod tests {
                 let x = noise(size.area() * channels, 8);
                 let z = noise(template_size.area() * channels, 9);
                 let expected = crate::reference::xcorr(size, template_size, channels, &x, &z);
+                let search = Features { values: &x, size };
+                let template = Features {
+                    values: &z,
+                    size: template_size,
+                };
                 for isa in Isa::available() {
                     for count in [1, 2] {
                         let threads = Threads::new(count);
                         let mut out = vec![f32::NAN; expected.len()];
-                        threads.enter(|| {
-                            xcorr(
-                                isa,
-                                &threads,
-                                &x,
-                                size,
-                                &z,
-                                template_size,
-                                channels,
-                                &mut out,
-                            )
-                        });
+                        threads
+                            .enter(|| xcorr(isa, &threads, search, template, channels, &mut out));
                         assert_close(
                             &out,
                             &expected,

@@ -3,7 +3,8 @@
 use super::map::Map;
 use kernels::conv::{Conv, Output};
 use kernels::par::Threads;
-use kernels::{Aligned, Isa, Size, pool, xcorr};
+use kernels::xcorr::{Features, xcorr};
+use kernels::{Aligned, Isa, Size, pool};
 
 /// What every layer call needs besides its maps.
 #[derive(Debug)]
@@ -75,16 +76,15 @@ impl Context {
             w: size.w - kernel.w + 1,
         };
         let out = to.reshape(out_size, channels);
-        xcorr::xcorr(
-            self.isa,
-            threads,
-            search.values(),
+        let search = Features {
+            values: search.values(),
             size,
-            template.values(),
-            kernel,
-            channels,
-            out,
-        );
+        };
+        let template = Features {
+            values: template.values(),
+            size: kernel,
+        };
+        xcorr(self.isa, threads, search, template, channels, out);
     }
 
     /// The first `len` floats of the scratch space, which only ever grows.

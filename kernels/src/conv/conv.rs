@@ -232,7 +232,14 @@ impl Conv {
             }
             (Weights::Im2col(weights), Input::Floats(input), Output::Floats(out)) => {
                 let (input, size) = self.pad(input, size, prepared);
-                im2col::run(threads, shape, weights, bias, input, size, out, scratch);
+                im2col::Im2col {
+                    shape,
+                    weights,
+                    bias,
+                    input,
+                    size,
+                }
+                .run(threads, out, scratch);
             }
             (Weights::Int8(weights), input, out) => {
                 let input = match input {

@@ -158,7 +158,10 @@ impl Tile<'_> {
     /// Computes the tile's sums, adds the bias, applies ReLU, and writes them: the map is touched
     /// once.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "constant indices keep the sums in registers"
+    )]
     fn run<S: Simd, const PIXELS: usize, const VECTORS: usize>(self, simd: S) {
         let sums = self.sums::<S, PIXELS, VECTORS>(simd);
         // ReLU is a maximum with 0, no ReLU one with -infinity: no branch per value.
@@ -180,7 +183,6 @@ impl Tile<'_> {
 
     /// The tile's sums over the whole window, one row of the window after the other.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn sums<S: Simd, const PIXELS: usize, const VECTORS: usize>(
         &self,
         simd: S,
@@ -222,7 +224,6 @@ impl Tile<'_> {
 ///
 /// If `AHEAD`, prefetches the weights that follow these, which the next call reads.
 #[inline(always)]
-#[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
 pub(super) fn add_products<
     S: Simd,
     const PIXELS: usize,

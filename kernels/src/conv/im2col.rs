@@ -42,63 +42,60 @@ pub(super) fn scratch_len(shape: &ConvShape, size: Size) -> usize {
     strip_rows(width) * width * shape.window()
 }
 
-/// Convolves `input` (`[size.h, size.w, Cin]`, padding included) into `out` (`[H', W', Cout]`).
-#[allow(clippy::too_many_arguments)] // one caller, which has just checked them all
-pub(super) fn run(
-    threads: &Threads,
-    shape: &ConvShape,
-    weights: &WeightMatrix,
-    bias: &[f32],
-    input: &[f32],
-    size: Size,
-    out: &mut [f32],
-    scratch: &mut [f32],
-) {
-    let width = (size.w - shape.kernel) / shape.stride + 1;
-    let (channels, window) = (shape.out_channels, shape.window());
-    let strip = strip_rows(width);
-    threads.split_rows_with(
-        out,
-        width * channels,
-        1,
-        scratch,
-        |first_row, out, patches| {
-            // Gather a strip's patches, multiply them, then add the bias while the outputs are in
-            // the cache.
-            for (i, out) in out.chunks_mut(strip * width * channels).enumerate() {
-                let pixels = out.len() / channels;
-                let patches = &mut patches[..pixels * window];
-                gather(shape, input, size, first_row + i * strip, width, patches);
-                gemm(pixels, channels, window, patches, &weights.data, out);
-                for pixel in out.chunks_exact_mut(channels) {
-                    for (value, bias) in pixel.iter_mut().zip(bias) {
-                        *value += bias;
-                        if shape.relu {
-                            *value = value.max(0.0);
-                        }
-                    }
-                }
-            }
-        },
-    );
+/// One convolution.
+pub(super) struct Im2col<'a> {
+    pub shape: &'a ConvShape,
+    pub weights: &'a WeightMatrix,
+    pub bias: &'a [f32],  // [Cout]
+    pub input: &'a [f32], // [size.h, size.w, Cin], padding included
+    pub size: Size,
 }
 
-/// Copies the windows of whole output rows, from `first_row` on, into `patches`
-/// (`[pixels, k, k * Cin]`).
-fn gather(
-    shape: &ConvShape,
-    input: &[f32],
-    size: Size,
-    first_row: usize,
-    width: usize,
-    patches: &mut [f32],
-) {
-    let row_len = shape.kernel * shape.in_channels;
-    for (pixel, patch) in patches.chunks_exact_mut(shape.window()).enumerate() {
-        let y = (first_row + pixel / width) * shape.stride;
-        let x = pixel % width * shape.stride;
-        for (ky, to) in patch.chunks_exact_mut(row_len).enumerate() {
-            to.copy_from_slice(&input[((y + ky) * size.w + x) * shape.in_channels..][..row_len]);
+impl Im2col<'_> {
+    /// Convolves into `out` (`[H', W', Cout]`).
+    pub fn run(self, threads: &Threads, out: &mut [f32], scratch: &mut [f32]) {
+        let width = (self.size.w - self.shape.kernel) / self.shape.stride + 1;
+        let row_len = width * self.shape.out_channels;
+        let strip = strip_rows(width);
+        threads.split_rows_with(out, row_len, 1, scratch, |first_row, out, patches| {
+            for (i, out) in out.chunks_mut(strip * row_len).enumerate() {
+                self.strip(first_row + i * strip, width, out, patches);
+            }
+        });
+    }
+
+    /// The output rows from `first_row` on: gathers their patches, multiplies them, then adds the
+    /// bias while the outputs are in the cache.
+    fn strip(&self, first_row: usize, width: usize, out: &mut [f32], patches: &mut [f32]) {
+        let (channels, window) = (self.shape.out_channels, self.shape.window());
+        let pixels = out.len() / channels;
+        let patches = &mut patches[..pixels * window];
+        self.gather(first_row, width, patches);
+        gemm(pixels, channels, window, patches, &self.weights.data, out);
+        for pixel in out.chunks_exact_mut(channels) {
+            for (value, bias) in pixel.iter_mut().zip(self.bias) {
+                *value += bias;
+                if self.shape.relu {
+                    *value = value.max(0.0);
+                }
+            }
+        }
+    }
+
+    /// Copies the windows of whole output rows, from `first_row` on, into `patches`
+    /// (`[pixels, k, k * Cin]`).
+    fn gather(&self, first_row: usize, width: usize, patches: &mut [f32]) {
+        let Im2col {
+            shape, input, size, ..
+        } = *self;
+        let row_len = shape.kernel * shape.in_channels;
+        for (pixel, patch) in patches.chunks_exact_mut(shape.window()).enumerate() {
+            let y = (first_row + pixel / width) * shape.stride;
+            let x = pixel % width * shape.stride;
+            for (ky, to) in patch.chunks_exact_mut(row_len).enumerate() {
+                let from = ((y + ky) * size.w + x) * shape.in_channels;
+                to.copy_from_slice(&input[from..][..row_len]);
+            }
         }
     }
 }

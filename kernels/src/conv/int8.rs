@@ -275,7 +275,6 @@ impl<'a> Tile<'a, '_> {
     /// Takes the sums by value. The epilogue indexes them by variables; through a reference that
     /// would keep them in memory here as well, and NEON would store them in every step.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn add<D: Dot, const GROUPS: usize, const VECTORS: usize>(
         &self,
         dot: D,
@@ -322,7 +321,7 @@ mod tests {
     use super::super::{Algorithm, Conv, Input};
     use super::*;
     use crate::par::Threads;
-    use crate::testing::{assert_close, noise};
+    use testing::{assert_close, noise};
 
     /// The convolution in `f64` on the values that the bytes stand for.
     fn expected(

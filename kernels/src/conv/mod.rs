@@ -47,7 +47,10 @@ macro_rules! for_tile {
 use for_tile;
 
 mod algorithm;
-#[allow(clippy::module_inception)] // the struct `Conv` and its file have the folder's name
+#[expect(
+    clippy::module_inception,
+    reason = "the struct `Conv` and its file have the folder's name"
+)]
 mod conv;
 mod direct;
 mod fold;

@@ -195,7 +195,7 @@ mod tests {
     use super::*;
     use crate::Isa;
     use crate::quant::Quantization;
-    use crate::testing::noise;
+    use testing::noise;
 
     const SHAPES: [(usize, usize, usize, usize); 4] = // kernel, stride, Cin, Cout
         [(11, 2, 3, 48), (5, 1, 6, 130), (3, 1, 4, 21), (4, 3, 2, 7)];

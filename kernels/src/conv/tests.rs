@@ -3,8 +3,8 @@
 use super::*;
 use crate::par::Threads;
 use crate::quant::Quantization;
-use crate::testing::{assert_close, noise};
 use crate::{Isa, Size};
+use testing::{assert_close, noise};
 
 /// Checks every algorithm on every instruction set against the reference.
 fn check(shape: ConvShape, size: Size, threads: &Threads) {

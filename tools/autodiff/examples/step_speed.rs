@@ -11,6 +11,7 @@ use autodiff::optim::{Optimizer, Sgd};
 use autodiff::{BoxDecoder, Compute, Mode, Parameters, Tape, Tensor};
 use network::{Batch, Config, DrMim};
 use std::time::Instant;
+use testing::noise;
 
 const HALF: Config = Config {
     backbone: [48, 128, 192, 192, 128],
@@ -19,25 +20,16 @@ const HALF: Config = Config {
     flatten: None,
 };
 
-/// Values in `[-1, 1)` that look random.
-fn noise(state: &mut u64) -> f32 {
-    *state ^= *state << 13;
-    *state ^= *state >> 7;
-    *state ^= *state << 17;
-    (*state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-}
-
-fn batch(size: usize, items: usize, state: &mut u64) -> Batch {
+fn batch(size: usize, items: usize, seed: u64) -> Batch {
     let side = (size - 127) / 8 + 1 - 6;
     let first = ((size - 1 - (side - 1) * 8) / 2) as f32;
-    let mut crops = |side: usize| {
+    let crops = |side: usize, seed: u64| {
         let shape = [items, side, side, 3];
-        Tensor::new(
-            &shape,
-            (0..shape.iter().product()).map(|_| noise(state)).collect(),
-        )
+        Tensor::new(&shape, noise(shape.iter().product(), seed))
     };
-    let (template, search, second_template) = (crops(127), crops(size), crops(127));
+    let template = crops(127, 3 * seed);
+    let search = crops(size, 3 * seed + 1);
+    let second_template = crops(127, 3 * seed + 2);
     let center = (size - 1) as f32 / 2.0;
     let truth = [center - 30.0, center - 25.0, center + 35.0, center + 30.0];
     let cell = |i: usize| [i % side, i / side].map(|n| first + 8.0 * n as f32);
@@ -83,19 +75,18 @@ fn main() {
         .with_winograd();
     let mut parameters = Parameters::new();
     let network = DrMim::new(&mut parameters, HALF);
-    let mut state = 1;
-    for parameter in parameters
+    let layers = parameters
         .iter_mut()
-        .filter(|p| p.name().ends_with("weight") && p.value.shape().len() > 1)
-    {
+        .filter(|p| p.name().ends_with("weight") && p.value.shape().len() > 1);
+    for (seed, parameter) in layers.enumerate() {
         let inputs = parameter.value.shape()[1..].iter().product::<usize>() as f32;
-        parameter
-            .value
-            .data_mut()
-            .iter_mut()
-            .for_each(|v| *v = noise(&mut state) * (6.0 / inputs).sqrt());
+        let weights = parameter.value.data_mut();
+        let noise = noise(weights.len(), seed as u64);
+        for (weight, noise) in weights.iter_mut().zip(noise) {
+            *weight = noise * (6.0 / inputs).sqrt();
+        }
     }
-    let batch = batch(size, items, &mut state);
+    let batch = batch(size, items, 1000);
     let mut sgd = Sgd::new(0.9);
     let mut seconds = Vec::new();
     for step in 0..=steps {

@@ -4,14 +4,7 @@ use crate::{Compute, Mode, Parameters, Tape, Tensor, Var};
 
 /// `shape` filled with values in `[-1, 1)` that look random.
 pub(crate) fn noise(shape: &[usize], seed: u64) -> Tensor {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    let next = |_| {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-    };
-    Tensor::new(shape, (0..shape.iter().product()).map(next).collect())
+    Tensor::new(shape, testing::noise(shape.iter().product(), seed))
 }
 
 /// Asserts that the gradients of `operation` with respect to all `inputs` equal finite differences

@@ -317,7 +317,6 @@ impl<const A: usize> Groups<'_, A> {
 ///
 /// If `AHEAD`, prefetches what follows `u`: the next point's.
 #[inline(always)]
-#[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
 fn products<D: Dot, const TILES: usize, const VECTORS: usize, const AHEAD: bool>(
     dot: D,
     v: &[Pair],
@@ -352,7 +351,7 @@ fn products<D: Dot, const TILES: usize, const VECTORS: usize, const AHEAD: bool>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::noise;
+    use testing::noise;
 
     #[test]
     fn rounded_kernels_of_any_size_cannot_overflow_and_keep_their_values() {

@@ -560,7 +560,6 @@ impl<U: Source> Tile<'_, U> {
     ///   sums[tile][k] += x * u[k]                                TILES * VECTORS multiply-adds
     /// ```
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run_sized<S: Simd, const VECTORS: usize, const TILES: usize>(self, simd: S) {
         let Tile {
             group,

@@ -151,7 +151,6 @@ fn every_other<S: Simd, const A: usize>(
 
 /// `A^T m` for one line of products: `y[j] = sum over points i of share_i * q_i^j * m[i]`.
 #[inline(always)]
-#[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
 pub(super) fn output_values<S: Simd, const A: usize, const M: usize>(
     simd: S,
     m: &[S::F32; A],

@@ -303,7 +303,6 @@ impl<const A: usize> Groups<'_, A> {
     /// The hot loop, `add_products`, once per group: a register tile of `TILES` tiles x `VECTORS`
     /// channel vectors.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize, const VECTORS: usize>(self, simd: S) {
         let cin = self.u.len() / (VECTORS * S::LANES);
         // A constant: stores at variable places would keep the sums in memory, in the hot loop too.
@@ -382,7 +381,6 @@ impl<const A: usize, const M: usize> ShortGroup<'_, A, M> {
     /// half = sums A
     /// ```
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const TILES: usize>(self, simd: S) {
         let v_step = step(SHORT_TILES * SHORT_CHANNELS);
         let v = &self.v[..(A - 1) * v_step + TILES * SHORT_CHANNELS];

@@ -137,7 +137,6 @@ impl Lines<'_> {
     /// Transforms the columns of `input` (`[size.h, size.w, channels]`) from `(y, x)` on; values
     /// outside the map are 0.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the line in registers
     pub fn fill<S: Simd, const A: usize>(
         &mut self,
         simd: S,
@@ -178,7 +177,6 @@ impl Lines<'_> {
     /// Writes whole vectors. What they hold after the last channel is meaningless: the next tile
     /// overwrites it, and after the last tile there must be room for it.
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the line in registers
     pub fn tile<S: Simd, T: PointFormat, const A: usize>(
         &self,
         simd: S,

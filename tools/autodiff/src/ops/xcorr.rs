@@ -15,7 +15,7 @@ use crate::tensor::Maps;
 use crate::{Compute, Tape, Tensor, Var};
 use kernels::Size;
 use kernels::par::Threads;
-use kernels::xcorr::xcorr;
+use kernels::xcorr::{Features, xcorr};
 
 struct CrossCorrelation {
     search: Var,
@@ -59,18 +59,15 @@ fn correlate(compute: &Compute, x: &Tensor, z: &Tensor) -> Tensor {
     let mut out = compute.tensor(&out_maps.shape());
     let one = Threads::new(1);
     compute.each(out.data_mut(), out_maps.image(), |i, out| {
-        let x = &x.data()[i * xs.image()..][..xs.image()];
-        let z = &z.data()[i * zs.image()..][..zs.image()];
-        xcorr(
-            compute.isa(),
-            &one,
-            x,
-            xs.size,
-            z,
-            zs.size,
-            xs.channels,
-            out,
-        );
+        let search = Features {
+            values: &x.data()[i * xs.image()..][..xs.image()],
+            size: xs.size,
+        };
+        let template = Features {
+            values: &z.data()[i * zs.image()..][..zs.image()],
+            size: zs.size,
+        };
+        xcorr(compute.isa(), &one, search, template, xs.channels, out);
     });
     out
 }

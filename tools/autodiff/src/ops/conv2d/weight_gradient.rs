@@ -203,7 +203,6 @@ impl Tile<'_> {
     }
 
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // constant indices keep the sums in registers
     fn run<S: Simd, const INPUTS: usize, const VECTORS: usize>(self, simd: S) {
         if INPUTS > S::TILE_PIXELS[VECTORS] {
             unreachable!("more than the registers hold");

@@ -283,7 +283,7 @@ impl AddImage<'_, '_> {
 /// `W = A y' A^T` of the gradient tile whose corner is `(y, x)`, to the strip's next tile;
 /// gradients beyond the map count as 0.
 #[inline(always)]
-#[allow(clippy::needless_range_loop)] // a matrix, and its transpose
+#[expect(clippy::needless_range_loop, reason = "a matrix, and its transpose")]
 fn gradient_tile<S: Simd, const A: usize, const M: usize>(
     simd: S,
     gradient: &[f32],
@@ -380,7 +380,7 @@ impl Kernel for Finish<'_> {
 
 impl Finish<'_> {
     #[inline(always)]
-    #[allow(clippy::needless_range_loop)] // two matrices and their product
+    #[expect(clippy::needless_range_loop, reason = "two matrices and their product")]
     fn run_sized<S: Simd, const A: usize, const K: usize>(self, simd: S) {
         let (cin, cout) = (self.shape.in_channels, self.shape.out_channels);
         let mut g = [[0.0; MAX_KERNEL]; MAX_POINTS];
