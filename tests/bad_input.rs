@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use program::{SIZE, flight, folder, run_with, stderr, write_pngs};
+use rayon::prelude::*;
 use weights_format::{Architecture, Weights, Widths};
 
 const USAGE: i32 = 2;
@@ -135,7 +136,7 @@ fn hostile_inputs_and_commands_end_in_the_right_exit_code() {
     cases.extend(ffmpeg());
     assert!(cases.len() >= 60, "{}", cases.len());
     let report: Vec<String> = cases
-        .iter()
+        .par_iter()
         .filter_map(|case| {
             case.verdict()
                 .err()

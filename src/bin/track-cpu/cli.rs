@@ -59,15 +59,10 @@ impl Args {
     }
 }
 
-/// Turns `bench --plan`, `bench --compare` and `bench --worker` into sub-commands: their spelling
-/// up to version 0.1.
+/// Turns `bench --plan` and `bench --compare` into sub-commands: their spelling up to version 0.1.
 fn with_sub_commands(mut args: Vec<OsString>) -> Vec<OsString> {
     if args.get(1).is_some_and(|command| command == "bench") {
-        for (option, command) in [
-            ("--plan", "plan"),
-            ("--compare", "compare"),
-            ("--worker", "worker"),
-        ] {
+        for (option, command) in [("--plan", "plan"), ("--compare", "compare")] {
             if let Some(at) = args.iter().position(|arg| arg == option) {
                 args.remove(at);
                 args.insert(2, command.into());
@@ -94,10 +89,6 @@ mod tests {
             ("x bench --json", "x bench --json"),
             ("x bench --json --plan", "x bench plan --json"),
             ("x bench --compare a b", "x bench compare a b"),
-            (
-                "x bench --worker --widths half",
-                "x bench worker --widths half",
-            ),
             ("x track --plan", "x track --plan"),
             ("x", "x"),
         ] {

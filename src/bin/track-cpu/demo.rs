@@ -38,7 +38,7 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let config = FlightConfig {
         frames: args.frames,
         seed: args.seed,
-        difficulty: args.difficulty(),
+        difficulty: args.difficulty,
         ..FlightConfig::default()
     };
     let (width, height) = (config.width, config.height);
@@ -90,7 +90,7 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let seed = args.seed;
     let summary =
         format!("mean IoU {iou:.3}   precision@20px {precision:.3}   {fps:.0} FPS on the CPU");
-    let difficulty = args.difficulty();
+    let difficulty = args.difficulty;
     let title = format!(
         "track-cpu demo   {difficulty} flight {seed}   {frames} frames of {width}x{height}"
     );

@@ -1,40 +1,26 @@
 //! The program: a run that is killed and goes on, an export, and ways in that lead nowhere.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
+use testing::Folder;
 use weights_format::{Storage, Weights};
 
-/// A temporary folder with pictures of rectangles and `boxes.csv`; removed on drop.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Folder {
-        let path = std::env::temp_dir().join(format!("train-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        let mut text = String::from("path,x,y,w,h\n");
-        for i in 0..4u32 {
-            let picture = image::RgbImage::from_fn(120, 100, |x, y| {
-                let inside = (30..60).contains(&x) && (40..65).contains(&y);
-                image::Rgb([if inside { 220 } else { 60 }, (x * y * (i + 1)) as u8, 90])
-            });
-            picture.save(path.join(format!("{i}.png"))).unwrap();
-            text += &format!("{i}.png,30,40,30,25\n");
-        }
-        text += "missing.png,1,1,9,9\n";
-        std::fs::write(path.join("boxes.csv"), text).unwrap();
-        Folder(path)
+/// A temporary folder with pictures of rectangles and `boxes.csv`.
+fn pictures(name: &str) -> Folder {
+    let folder = Folder::new(name);
+    let mut text = String::from("path,x,y,w,h\n");
+    for i in 0..4u32 {
+        let picture = image::RgbImage::from_fn(120, 100, |x, y| {
+            let inside = (30..60).contains(&x) && (40..65).contains(&y);
+            image::Rgb([if inside { 220 } else { 60 }, (x * y * (i + 1)) as u8, 90])
+        });
+        picture.save(folder.join(&format!("{i}.png"))).unwrap();
+        text += &format!("{i}.png,30,40,30,25\n");
     }
-
-    fn at(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
+    text += "missing.png,1,1,9,9\n";
+    folder.write("boxes.csv", text);
+    folder
 }
 
 fn train(args: &[&str]) -> Command {
@@ -82,7 +68,7 @@ fn tiny(steps: &str) -> Vec<&str> {
 
 #[test]
 fn killed_run_resumes_to_the_same_weights() {
-    let folder = Folder::new("resume");
+    let folder = pictures("resume");
     let (data, straight, killed) = (
         folder.at("boxes.csv"),
         folder.at("straight"),
@@ -173,7 +159,7 @@ fn killed_run_resumes_to_the_same_weights() {
 
 #[test]
 fn used_folder_is_refused_without_resume_or_overwrite() {
-    let folder = Folder::new("used");
+    let folder = pictures("used");
     let (data, out) = (folder.at("boxes.csv"), folder.at("run"));
     let fit = |seed: &str, more: &[&str]| {
         train(&["fit", "--data", &data, "--out", &out, "--seed", seed])
@@ -203,7 +189,7 @@ fn used_folder_is_refused_without_resume_or_overwrite() {
 
 #[test]
 fn killed_queue_continues_and_finishes_every_run() {
-    let folder = Folder::new("queue");
+    let folder = pictures("queue");
     let (data, list, out) = (folder.at("boxes.csv"), folder.at("list"), folder.at("runs"));
     let lines = format!(
         "a --data {data} {} --checkpoint-minutes 0\nb --data {data} {} --init @a\n",
@@ -259,7 +245,7 @@ fn killed_queue_continues_and_finishes_every_run() {
 
 #[test]
 fn queue_with_a_wrong_line_is_refused_before_anything_runs() {
-    let folder = Folder::new("wrong-queue");
+    let folder = pictures("wrong-queue");
     let (data, list, out) = (folder.at("boxes.csv"), folder.at("list"), folder.at("runs"));
     for (line, message) in [
         ("a --steps many", "--steps"),
@@ -280,7 +266,7 @@ fn queue_with_a_wrong_line_is_refused_before_anything_runs() {
 
 #[test]
 fn senseless_options_are_refused() {
-    let folder = Folder::new("refused");
+    let folder = pictures("refused");
     let (data, out) = (folder.at("boxes.csv"), folder.at("out"));
     std::fs::write(
         folder.at("empty.csv"),
@@ -385,7 +371,7 @@ fn senseless_options_are_refused() {
 
 #[test]
 fn bad_data_are_reported_and_counted() {
-    let folder = Folder::new("bad");
+    let folder = pictures("bad");
     let (out, bad, sequences) = (
         folder.at("out"),
         folder.at("bad.csv"),
@@ -495,7 +481,7 @@ fn bad_data_are_reported_and_counted() {
 
 #[test]
 fn pruned_networks_are_trained_and_compared() {
-    let folder = Folder::new("prune");
+    let folder = pictures("prune");
     let (data, run, pruned) = (
         folder.at("boxes.csv"),
         folder.at("run"),
@@ -667,7 +653,7 @@ fn pruned_networks_are_trained_and_compared() {
 
 #[test]
 fn show_writes_sheets_of_pairs() {
-    let folder = Folder::new("show");
+    let folder = pictures("show");
     let (data, out) = (folder.at("boxes.csv"), folder.at("sheets"));
     let output = train(&[
         "show",

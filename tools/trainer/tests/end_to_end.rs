@@ -2,8 +2,9 @@
 //! videos", on flights that are rendered here.
 
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
+use testing::Folder;
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
 
 /// One sequence: its frames and the target's box in each.
@@ -75,30 +76,16 @@ impl Video {
     }
 }
 
-struct Folder(PathBuf);
-
-impl Folder {
-    fn at(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 /// Renders videos, trains on them with `options`, exports, and tracks the same videos: mean IoU of
 /// the tracker and of a box that never moves.
 fn train_and_track(name: &str, seeds: &[u64], frames: usize, options: &[&str]) -> [f32; 2] {
-    let folder = Folder(std::env::temp_dir().join(format!("train-{name}-{}", std::process::id())));
+    let folder = Folder::new(name);
     let videos: Vec<_> = seeds
         .iter()
         .map(|seed| Video::render(*seed, frames))
         .collect();
     for (i, video) in videos.iter().enumerate() {
-        video.write(&folder.0.join(format!("videos/flight{i}")));
+        video.write(&folder.join(&format!("videos/flight{i}")));
     }
     let (data, run, model) = (
         folder.at("videos"),

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use scenes::Difficulty;
 
 use super::values::frames;
@@ -25,9 +24,10 @@ pub struct DemoArgs {
     /// Number of the flight.
     #[arg(long, value_name = "N", default_value_t = 7)]
     pub seed: u64,
-    /// How hard the object is to follow.
-    #[arg(long, value_enum, default_value_t = DifficultyChoice::Easy)]
-    difficulty: DifficultyChoice,
+    /// How hard the object is to follow: easy is calm and clear, medium adds shake, look-alikes and
+    /// occlusions, hard has more of these and exits from the view.
+    #[arg(long, value_name = "LEVEL", default_value_t = Difficulty::Easy)]
+    pub difficulty: Difficulty,
     /// Length of the flight.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = frames)]
     pub frames: usize,
@@ -40,26 +40,4 @@ pub struct DemoArgs {
     /// How the network runs.
     #[command(flatten)]
     pub engine: EngineArgs,
-}
-
-/// How hard a flight is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum DifficultyChoice {
-    /// Calm and clear.
-    Easy,
-    /// Shake, look-alikes, occlusions.
-    Medium,
-    /// More of these, and exits from the view.
-    Hard,
-}
-
-impl DemoArgs {
-    /// The flight's difficulty.
-    pub fn difficulty(&self) -> Difficulty {
-        match self.difficulty {
-            DifficultyChoice::Easy => Difficulty::Easy,
-            DifficultyChoice::Medium => Difficulty::Medium,
-            DifficultyChoice::Hard => Difficulty::Hard,
-        }
-    }
 }
