@@ -31,6 +31,19 @@ pub struct TrackConfig {
     pub online_filter: f64,
 }
 
+impl TrackConfig {
+    /// The same without what the published tracker lacks: correction, template update, online
+    /// filter.
+    pub fn as_published(self) -> TrackConfig {
+        TrackConfig {
+            correction: 0.0,
+            template_update: 0.0,
+            online_filter: 0.0,
+            ..self
+        }
+    }
+}
+
 impl From<&TrackerParams> for TrackConfig {
     fn from(p: &TrackerParams) -> Self {
         TrackConfig {

@@ -25,6 +25,7 @@
 //! | [`flight`] | presence, occlusion, re-detection |
 //! | [`model`] | built-in models, weights files, precision |
 //! | [`frame`], [`bbox`] | pixels and boxes |
+//! | [`shared`] | a tracker behind an interface for another language |
 //! | `source` | frames from folders, videos and pipes (feature `source`) |
 //!
 //! The library allocates in [`Tracker::init`] and in the first [`Tracker::update`], then no more.
@@ -47,6 +48,7 @@ pub mod flight;
 pub mod frame;
 pub mod model;
 pub mod net;
+pub mod shared;
 #[cfg(feature = "source")]
 pub mod source;
 pub mod stages;

@@ -79,6 +79,9 @@ pub struct TrackerOptions {
 }
 
 impl TrackerOptions {
+    /// The largest number of threads.
+    pub const MAX_THREADS: usize = Threads::MAX;
+
     /// One thread, the model's own hyper-parameters, the whole search region.
     pub fn of(model: &Model) -> TrackerOptions {
         TrackerOptions {
