@@ -3,7 +3,7 @@
 //! PPM, because every frame names its size, and ffmpeg knows the video's color space. Frames keep
 //! their order and number: they are stamped 1/25 s apart and asked for at 25 a second, which no
 //! version of ffmpeg answers by dropping or repeating any. (`-vsync` is gone since 9.0, and
-//! `-fps_mode` is new in 5.1.)
+//! `-fps_mode` is new in 5.1.) Frames of another size are scaled by ffmpeg to that of the first.
 //!
 //! ffmpeg ends with success where a file is cut off or damaged, and only says so. Its words
 //! therefore count as an error at the end.
@@ -62,8 +62,10 @@ impl Ffmpeg {
             // UDP loses packets, and whole frames with them.
             command.args(["-rtsp_transport", "tcp"]);
         }
-        command.arg("-i").arg(location);
-        command.args(["-map", "0:v:0", "-vf", "setpts=N/(25*TB)", "-r", "25"]);
+        command.args(["-r", "25", "-i"]).arg(location);
+        // Filters start anew where the size changes: counting goes on from the decoder's stamp.
+        let stamps = "setpts=STARTPTS+N/(25*TB)";
+        command.args(["-map", "0:v:0", "-vf", stamps, "-r", "25"]);
         command.args([
             "-f",
             "image2pipe",

@@ -26,6 +26,8 @@ fn main() -> io::Result<()> {
         ("y4m", y4m()),
         ("mavlink", mavlink()),
         ("http", http()),
+        ("annotations", annotations()),
+        ("commands", commands()),
     ];
     for (target, seeds) in targets {
         let folder = root.join(target);
@@ -165,5 +167,33 @@ fn http() -> Seeds {
               Transfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n\r\n"
                 .to_vec(),
         ),
+    ]
+}
+
+fn annotations() -> Seeds {
+    let utf16 = |text: &str| -> Vec<u8> {
+        let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+        units.flat_map(u16::to_le_bytes).collect()
+    };
+    vec![
+        ("plain", b"1,2,30,40\n2,3,30,40\nNaN,NaN,NaN,NaN\n".to_vec()),
+        ("tabs", b"1.5\t2\t30\t40\r\n2\t3\t30\t40\r\n".to_vec()),
+        ("commas", b"1,5;2,5;30,5;40,5\r\"2,5\" 3 30 40,5\r".to_vec()),
+        ("polygon", b"1,2,31,2,31,42,1,42\n".to_vec()),
+        ("header", b"frame,x,y,w,h\n0,1,2,30,40\n1,2,3,30,40\n".to_vec()),
+        ("utf16", utf16("1 2 3e1 4E+1\n")),
+    ]
+}
+
+fn commands() -> Seeds {
+    let head = r#"{"log": "track-cpu", "version": 2}"#;
+    let start = r#"{"frame":1,"asked":[{"start":[1,2,3,4],"at":0}],"searches":1,"box":[1,2,3,4]}"#;
+    let rest = r#"{"frame":2,"asked":["stop"],"box":null}
+{"source":"stalled","time_ms":1.5}
+{"continued":"next.jsonl"}"#;
+    vec![
+        ("rectangle", br#"{"rectangle": [0.1, 0.2, 0.4, 5e-1]}"#.to_vec()),
+        ("point", br#"{"point": [0.5, 0.5], "frame": 7}"#.to_vec()),
+        ("log", format!("{head}\n{start}\n{rest}\n").into()),
     ]
 }

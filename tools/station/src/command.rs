@@ -3,6 +3,8 @@
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
+use serde_json::Value;
+
 use crate::hub::lock;
 use crate::picture::FrameBox;
 
@@ -85,6 +87,34 @@ pub enum Command {
 }
 
 impl Command {
+    /// Reads a start: `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares
+    /// of the frame, and `"frame"`, the number of the frame in which they were drawn, if it is
+    /// known.
+    ///
+    /// `None` if the bytes are anything else.
+    pub fn from_json(bytes: &[u8]) -> Option<Command> {
+        let value: Value = serde_json::from_slice(bytes).ok()?;
+        let numbers = |field: &str| -> Option<Vec<f32>> {
+            let mut numbers = Vec::new();
+            for number in value.get(field)?.as_array()? {
+                numbers.push(number.as_f64()? as f32);
+            }
+            Some(numbers)
+        };
+        let rectangle = numbers("rectangle");
+        let point = numbers("point");
+        let target = match (rectangle.as_deref(), point.as_deref()) {
+            (Some(&[x1, y1, x2, y2]), None) => Target::Rectangle([x1, y1, x2, y2]),
+            (None, Some(&[x, y])) => Target::Point { x, y, radius: None },
+            _ => return None,
+        };
+        let frame = match value.get("frame") {
+            None | Some(Value::Null) => None,
+            Some(frame) => Some(frame.as_u64()?),
+        };
+        Some(Command::Start { target, frame })
+    }
+
     /// Whether it can only be carried out on a frame.
     pub fn needs_frames(&self) -> bool {
         matches!(self, Command::Start { .. })
@@ -252,6 +282,38 @@ mod tests {
             };
 
             assert!(command.check().is_err(), "{target:?}");
+        }
+    }
+
+    #[test]
+    fn start_is_read_with_care() {
+        let read = |text: &str| Command::from_json(text.as_bytes());
+        let start = |target, frame| Some(Command::Start { target, frame });
+
+        let rectangle = Target::Rectangle([0.0, 0.25, 0.5, 1.0]);
+        let point = Target::Point {
+            x: 0.5,
+            y: 0.25,
+            radius: None,
+        };
+        for (text, expected) in [
+            (
+                r#"{"rectangle": [0, 0.25, 0.5, 1]}"#,
+                start(rectangle, None),
+            ),
+            (r#"{"point": [0.5, 0.25]}"#, start(point, None)),
+            (
+                r#"{"point": [0.5, 0.25], "frame": 12}"#,
+                start(point, Some(12)),
+            ),
+            ("", None),
+            ("{}", None),
+            ("[1,2,3,4]", None),
+            (r#"{"rectangle": [0, 1]}"#, None),
+            (r#"{"point": ["a", 1]}"#, None),
+            (r#"{"point": [0.5, 0.25], "frame": -1}"#, None),
+        ] {
+            assert_eq!(read(text), expected, "{text}");
         }
     }
 

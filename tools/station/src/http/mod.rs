@@ -35,9 +35,9 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use serde_json::{Value, json};
+use serde_json::json;
 
-use crate::command::{Command, LIFETIME, Outcome, Target};
+use crate::command::{Command, LIFETIME, Outcome};
 use crate::error::Error;
 use crate::hub::Hub;
 use crate::say::say;
@@ -299,7 +299,7 @@ impl Site {
                 Answer::error(403, "the token is missing or wrong")
             }
             ("POST", "/stop") => self.command(Command::Stop),
-            ("POST", "/start") => match read_start(&request.body) {
+            ("POST", "/start") => match Command::from_json(&request.body) {
                 Some(command) => self.command(command),
                 None => Answer::error(400, "expected a rectangle or a point"),
             },
@@ -406,30 +406,6 @@ fn events(hub: &Hub, out: &mut dyn Write) -> std::io::Result<()> {
         std::thread::sleep(EVENTS);
     }
     Ok(())
-}
-
-/// Reads the body of `/start`.
-fn read_start(body: &[u8]) -> Option<Command> {
-    let value: Value = serde_json::from_slice(body).ok()?;
-    let numbers = |field: &str| -> Option<Vec<f32>> {
-        let mut numbers = Vec::new();
-        for number in value.get(field)?.as_array()? {
-            numbers.push(number.as_f64()? as f32);
-        }
-        Some(numbers)
-    };
-    let rectangle = numbers("rectangle");
-    let point = numbers("point");
-    let target = match (rectangle.as_deref(), point.as_deref()) {
-        (Some(&[x1, y1, x2, y2]), None) => Target::Rectangle([x1, y1, x2, y2]),
-        (None, Some(&[x, y])) => Target::Point { x, y, radius: None },
-        _ => return None,
-    };
-    let frame = match value.get("frame") {
-        None | Some(Value::Null) => None,
-        Some(frame) => Some(frame.as_u64()?),
-    };
-    Some(Command::Start { target, frame })
 }
 
 /// Compares in a time that does not tell how much was right.

@@ -1,38 +1,6 @@
 use super::*;
 
 #[test]
-fn start_is_read_with_care() {
-    let read = |text: &str| read_start(text.as_bytes());
-    let start = |target, frame| Some(Command::Start { target, frame });
-
-    let rectangle = Target::Rectangle([0.0, 0.25, 0.5, 1.0]);
-    let point = Target::Point {
-        x: 0.5,
-        y: 0.25,
-        radius: None,
-    };
-    for (text, expected) in [
-        (
-            r#"{"rectangle": [0, 0.25, 0.5, 1]}"#,
-            start(rectangle, None),
-        ),
-        (r#"{"point": [0.5, 0.25]}"#, start(point, None)),
-        (
-            r#"{"point": [0.5, 0.25], "frame": 12}"#,
-            start(point, Some(12)),
-        ),
-        ("", None),
-        ("{}", None),
-        ("[1,2,3,4]", None),
-        (r#"{"rectangle": [0, 1]}"#, None),
-        (r#"{"point": ["a", 1]}"#, None),
-        (r#"{"point": [0.5, 0.25], "frame": -1}"#, None),
-    ] {
-        assert_eq!(read(text), expected, "{text}");
-    }
-}
-
-#[test]
 fn tokens_are_compared_and_checked() {
     for (a, b, expected) in [
         ("abc", "abc", true),
