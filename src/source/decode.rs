@@ -47,25 +47,8 @@ impl Decoder {
     pub fn decode(&mut self, file: &[u8], buffer: Vec<u8>) -> Result<Image, String> {
         let format = image::guess_format(file).ok();
         match format {
-            Some(ImageFormat::Jpeg) if !jpeg::has_end(file) => {
-                let cut_short = || {
-                    let bytes = file.len();
-                    format!("the jpg has no end within its {bytes} bytes: it is cut short")
-                };
-                let [one, other] = jpeg::with_tails(file).ok_or_else(cut_short)?;
-                let image = self.decode_whole(&one, ImageFormat::Jpeg, buffer)?;
-                let same = self.decode_whole(&other, ImageFormat::Jpeg, Vec::new())?;
-                if image != same {
-                    return Err(cut_short());
-                }
-                Ok(image)
-            }
-            Some(
-                format @ (ImageFormat::Jpeg
-                | ImageFormat::Png
-                | ImageFormat::WebP
-                | ImageFormat::Bmp),
-            ) => {
+            Some(ImageFormat::Jpeg) => self.jpeg(file, buffer),
+            Some(format @ (ImageFormat::Png | ImageFormat::WebP | ImageFormat::Bmp)) => {
                 if is_animation(file) {
                     return Err(
                         "an animation, expected a still picture; ffmpeg makes a video \
@@ -87,6 +70,34 @@ impl Decoder {
                 ))
             }
         }
+    }
+
+    /// A JPEG that lacks nothing.
+    fn jpeg(&mut self, file: &[u8], buffer: Vec<u8>) -> Result<Image, String> {
+        let cut_short = || {
+            let bytes = file.len();
+            format!("the jpg lacks a part of its picture: its {bytes} bytes are cut short")
+        };
+        let Some(body) = jpeg::before_end(file) else {
+            let [one, other] = jpeg::with_tails(file).ok_or_else(cut_short)?;
+            let image = self.decode_whole(&one, ImageFormat::Jpeg, buffer)?;
+            let same = self.decode_whole(&other, ImageFormat::Jpeg, Vec::new())?;
+            return if image == same {
+                Ok(image)
+            } else {
+                Err(cut_short())
+            };
+        };
+        jpeg::check_restarts(file)?;
+        let image = self.decode_whole(file, ImageFormat::Jpeg, buffer)?;
+        // Decoding twice is for pictures that may lack something: they end in one color.
+        if has_flat_corner(&image)
+            && let Some([tailed, _]) = jpeg::with_tails(body)
+            && image != self.decode_whole(&tailed, ImageFormat::Jpeg, Vec::new())?
+        {
+            return Err(cut_short());
+        }
+        Ok(image)
     }
 
     fn decode_whole(
@@ -260,6 +271,28 @@ fn is_animation(file: &[u8]) -> bool {
         rest = rest.get(length.saturating_add(12)..).unwrap_or_default();
     }
     false
+}
+
+/// Whether a corner of 8 x 8 pixels has one color, as a decoder fills what is missing.
+///
+/// All four are looked at, since the picture may have been turned.
+fn has_flat_corner(image: &Image) -> bool {
+    let bytes = image.order.bytes_per_pixel();
+    let (wide, high) = (image.width.min(8), image.height.min(8));
+    let columns = [0, image.width - wide];
+    let rows = [0, image.height - high];
+    let is_flat = |left: usize, top: usize| {
+        let first = bytes * (top * image.width + left);
+        let color = &image.data[first..first + bytes];
+        (top..top + high).all(|y| {
+            let start = bytes * (y * image.width + left);
+            let row = &image.data[start..start + bytes * wide];
+            row.chunks_exact(bytes).all(|pixel| pixel == color)
+        })
+    };
+    columns
+        .iter()
+        .any(|left| rows.iter().any(|top| is_flat(*left, *top)))
 }
 
 /// The picture as its orientation tag wants it seen.

@@ -155,7 +155,10 @@ fn ordered(input: &str, mut files: Vec<PathBuf>) -> Found {
         names.entry(name).or_default().insert(kind(path));
     }
     if kinds.len() < 2 {
-        return Found { files, note: None };
+        let note = doubled(&files).map(|(one, other)| {
+            format!("{input}: {one} and {other} share a name; all such files are taken as frames")
+        });
+        return Found { files, note };
     }
 
     let list: Vec<String> = kinds
@@ -183,6 +186,18 @@ fn ordered(input: &str, mut files: Vec<PathBuf>) -> Found {
         files,
         note: Some(note),
     }
+}
+
+/// Two files of one kind whose names differ in the extension alone, such as 1.jpg and 1.JPEG.
+fn doubled(files: &[PathBuf]) -> Option<(String, String)> {
+    let mut seen = BTreeMap::new();
+    for path in files {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if let Some(earlier) = seen.insert(path.with_extension(""), name.clone()) {
+            return Some((earlier.into_owned(), name.into_owned()));
+        }
+    }
+    None
 }
 
 /// Whether a file's name says that it is a mask.
@@ -309,9 +324,14 @@ mod tests {
 
     #[test]
     fn names_with_two_extensions_leave_one_kind() {
-        let cases: [(&[&str], &[&str], &str); 8] = [
+        let cases: [(&[&str], &[&str], &str); 9] = [
             (&["1.jpg", "2.jpg"], &["1.jpg", "2.jpg"], ""),
             (&["1.jpg", "2.JPEG"], &["1.jpg", "2.JPEG"], ""),
+            (
+                &["1.JPG", "1.jpg"],
+                &["1.JPG", "1.jpg"],
+                "1.JPG and 1.jpg share a name",
+            ),
             (
                 &["1.jpg", "1.png", "2.jpg", "2.png"],
                 &["1.jpg", "2.jpg"],

@@ -146,6 +146,18 @@ fn frames_that_cannot_be_read() -> Vec<Case> {
             says: &["frame 4: ", "cut short"],
             ..HELD
         }),
+        track("jpeg cut short, with an end marker", "", |folder| {
+            sequence(folder);
+            let path = folder.join("seq/5.jpg");
+            scene::cut(&path, 0.5);
+            let mut jpeg = std::fs::read(&path).unwrap();
+            jpeg.extend([0xff, 0xd9]);
+            std::fs::write(path, jpeg).unwrap();
+        })
+        .expect(Expect {
+            says: &["frame 4: ", "cut short"],
+            ..HELD
+        }),
         track("overlay of a run with an empty frame", "--overlay drawn", {
             with_file("5.jpg", Vec::new())
         })
@@ -223,6 +235,19 @@ fn files_beside_frames() -> Vec<Case> {
             }
         })
         .expect(WHOLE),
+        track(
+            "names that occur with two spellings of an extension",
+            "",
+            |folder| {
+                sequence(folder);
+                std::fs::write(folder.join("seq/8.jpeg"), scene::jpeg(7)).unwrap();
+            },
+        )
+        .expect(Expect {
+            lines: Some(FRAMES + 1),
+            says: &["8.jpeg and 8.jpg share a name"],
+            ..WHOLE
+        }),
         track("folder of tiffs", "", |folder| {
             std::fs::create_dir_all(folder.join("seq")).unwrap();
             std::fs::write(folder.join("seq/1.tiff"), b"II*\0").unwrap();
@@ -385,6 +410,16 @@ fn boxes_and_models() -> Vec<Case> {
             ..WHOLE
         }),
         Case::new(
+            "box most of which lies outside",
+            "track -i seq --init 20,40,24,1e9",
+            sequence,
+        )
+        .expect(Expect {
+            last: None,
+            says: &["note: --init: most of box 20,40,24,1000000000 lies outside"],
+            ..WHOLE
+        }),
+        Case::new(
             "polygon for a box",
             "track -i seq --init 20,40,44,40,44,58,20,58",
             sequence,
@@ -448,6 +483,20 @@ pub fn videos() -> Vec<Case> {
         })
         .expect(Expect {
             lines: Some(32),
+            last: Some([20.0, 40.0, 24.0, 18.0]),
+            ..WHOLE
+        }),
+        track("video whose size changes midway", "clip.mjpeg", {
+            Box::new(|folder| {
+                scene::video(folder, "clip.mjpeg", &[]);
+                scene::video(folder, "large.mjpeg", &["-vf", "scale=320:240"]);
+                let mut clip = std::fs::read(folder.join("clip.mjpeg")).unwrap();
+                clip.extend(std::fs::read(folder.join("large.mjpeg")).unwrap());
+                std::fs::write(folder.join("clip.mjpeg"), clip).unwrap();
+            })
+        })
+        .expect(Expect {
+            lines: Some(64),
             last: Some([20.0, 40.0, 24.0, 18.0]),
             ..WHOLE
         }),

@@ -100,6 +100,7 @@ impl Run<'_> {
         self.see_size(index, &first);
         let started = Instant::now();
         let mut found = self.tracker.start(&first.frame(), self.args.init)?;
+        self.see_box();
         self.boxes.write(index, &found, started.elapsed())?;
         let mut is_painting = self.paint(index, first, found, frames);
         let mut steps = 0; // from the last frame that could be read
@@ -156,6 +157,21 @@ impl Run<'_> {
             eprintln!("note: frame {index}: {width}x{height} pixels, {w}x{h} before");
         }
         self.size = Some(size);
+    }
+
+    /// Reports a box most of which lies outside of the first frame: a typing error, perhaps.
+    fn see_box(&self) {
+        let Some((width, height)) = self.size else {
+            return;
+        };
+        let BBox { x, y, w, h } = self.args.init;
+        let inside_w = (x + w).min(width as f32) - x.max(0.0);
+        let inside_h = (y + h).min(height as f32) - y.max(0.0);
+        if inside_w * inside_h < 0.5 * w * h {
+            eprintln!(
+                "note: --init: most of box {x},{y},{w},{h} lies outside the {width}x{height} frame"
+            );
+        }
     }
 
     fn summarize(&self, all: Duration) {

@@ -3,6 +3,7 @@
 use crate::error::Error;
 use crate::results::Results;
 use crate::speed::Speed;
+use sequences::annotation::are_shares;
 use sequences::{Annotation, Convention, Curves, Notes, Rect};
 use serde::Serialize;
 
@@ -89,6 +90,10 @@ impl Evaluation {
                 notes.add(format!("{tracker}: {name}"), text);
             } else if found > annotated {
                 let text = format!("{found} results for {annotated} frames: the first count");
+                notes.add(format!("{tracker}: {name}"), text);
+            }
+            if are_shares(&boxes) {
+                let text = "no number exceeds 1: these are shares of the picture, not pixels";
                 notes.add(format!("{tracker}: {name}"), text);
             }
             times.extend(results.times(name)?);
@@ -266,6 +271,8 @@ mod tests {
         folder.write("found/long.txt", "900,900,20,20,0.5\n".repeat(12));
         folder.write("found/short.txt", "10\t10\t20\t20\n");
         folder.write("found/other.txt", "1,2,3,4\n");
+        folder.write("truth/share.txt", "90,90,20,20\n");
+        folder.write("found/share.txt", "0.1,0.1,0.2,0.2\n");
         folder.write("found/times/long_time.txt", "0.5\n0.25\n0\n");
         let (evaluation, notes) = evaluate(&folder, Missing::Refuse).unwrap();
         let text = notes.to_string();
@@ -278,11 +285,13 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("1 times are not above 0"), "{text}");
+        assert!(text.contains("share: no number exceeds 1"), "{text}");
         let score = evaluation
             .score(Convention::Got10k, &mut Notes::default())
             .unwrap();
-        assert!((score.precision - 55.0).abs() < 1e-9, "{score:?}"); // 1 in 10, and 1 in 1
-        assert_eq!(score.sequences, 2);
+        // 1 in 10, 1 in 1, and none.
+        assert!((score.precision - 110.0 / 3.0).abs() < 1e-9, "{score:?}");
+        assert_eq!(score.sequences, 3);
         assert_eq!(evaluation.speed.unwrap().mean_of_rates, 3.0);
     }
 

@@ -41,9 +41,7 @@ impl Annotation {
     /// If either file cannot be used, or the boxes are in shares of the picture.
     pub fn read(name: impl Into<String>, path: &Path) -> Result<Annotation, Error> {
         let boxes = text::read_boxes(path)?;
-        let mut usable = boxes.iter().filter(|rect| rect.is_usable()).peekable();
-        let is_share = |rect: &Rect| rect.to_array().iter().all(|value| *value <= 1.0);
-        if usable.peek().is_some() && usable.all(is_share) {
+        if are_shares(&boxes) {
             let found = "shares of the picture: no number exceeds 1";
             return Err(Error::content(path, "boxes in pixels", found));
         }
@@ -75,6 +73,13 @@ impl Annotation {
             present.truncate(count);
         }
     }
+}
+
+/// Whether boxes are in shares of the picture: no number of a usable one exceeds 1.
+pub fn are_shares(boxes: &[Rect]) -> bool {
+    let mut usable = boxes.iter().filter(|rect| rect.is_usable()).peekable();
+    let is_share = |rect: &Rect| rect.to_array().iter().all(|value| *value <= 1.0);
+    usable.peek().is_some() && usable.all(is_share)
 }
 
 /// What a `meta.json` beside an annotation says.

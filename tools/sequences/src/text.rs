@@ -72,9 +72,19 @@ pub fn read_all_numbers(path: &Path) -> Result<Vec<f64>, Error> {
 /// Reads a text file of bounded size: UTF-8, or UTF-16 with a byte order mark.
 ///
 /// # Errors
-/// If it cannot be read or is larger than [`MAX_BYTES`].
+/// If it cannot be read, is no regular file (a pipe may never end), or is larger than
+/// [`MAX_BYTES`].
 pub fn read(path: &Path) -> Result<String, Error> {
-    let bytes = fs::metadata(path).map_err(Error::unreadable(path))?.len();
+    let found = fs::metadata(path).map_err(Error::unreadable(path))?;
+    if !found.is_file() {
+        let found = if found.is_dir() {
+            "a folder"
+        } else {
+            "a pipe or device"
+        };
+        return Err(Error::content(path, "a file", found));
+    }
+    let bytes = found.len();
     if bytes > MAX_BYTES {
         return Err(Error::TooLarge {
             path: path.to_path_buf(),

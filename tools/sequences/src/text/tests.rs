@@ -151,6 +151,13 @@ fn row_that_is_no_box_is_refused_by_line() {
         message.starts_with("/nonexistent/a.txt: cannot be read"),
         "{message}"
     );
+    let folder = read_boxes(Path::new(".")).unwrap_err().to_string();
+    assert_eq!(folder, ".: expected a file, found a folder");
+    #[cfg(unix)]
+    {
+        let device = read_boxes(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(device.contains("found a pipe or device"), "{device}");
+    }
 }
 
 #[test]
