@@ -6,10 +6,12 @@
 //! `-fps_mode` is new in 5.1.) Frames of another size are scaled by ffmpeg to that of the first.
 //!
 //! ffmpeg ends with success where a file is cut off or damaged, and only says so. Its words
-//! therefore count as an error at the end.
+//! therefore count as an error at the end. Of a GIF or a transport stream that is cut off it says
+//! nothing: their last bytes are looked at here.
 
 use std::ffi::OsStr;
-use std::io::{ErrorKind, Read};
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 use std::process::{Child, ChildStderr, ChildStdout, ExitStatus};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -20,11 +22,17 @@ use super::{LIVE_SCHEMES, child};
 const KEPT_BYTES: usize = 1000;
 /// Lines of its error output that a message shows at most.
 const KEPT_LINES: usize = 5;
+/// Bytes of a packet of a transport stream; each begins with [`SYNC`].
+const PACKET: usize = 188;
+const SYNC: u8 = 0x47;
+/// The last byte of a GIF.
+const TRAILER: u8 = 0x3b;
 
 /// A running ffmpeg; killed when dropped.
 pub(super) struct Ffmpeg {
     child: Arc<Mutex<Child>>,
     complaints: Option<JoinHandle<Option<String>>>,
+    file: Option<File>, // if a local one is decoded
 }
 
 /// Ends a blocked read of a [`Source`](super::Source) from another thread.
@@ -88,6 +96,7 @@ impl Ffmpeg {
             Ffmpeg {
                 child: Arc::new(Mutex::new(child)),
                 complaints: Some(complaints),
+                file: local_file(location),
             },
             pipe,
         ))
@@ -108,7 +117,10 @@ impl Ffmpeg {
         if !words.is_empty() {
             return Err(format!("reported damage, and frames may be missing{words}"));
         }
-        Ok(())
+        match self.file.take().map(missing_end) {
+            Some(Ok(Some(what))) => Err(format!("reported no damage, but {what}: it is cut short")),
+            _ => Ok(()),
+        }
     }
 
     /// Ends ffmpeg because of a bad frame; returns `reason` and ffmpeg's last words.
@@ -141,6 +153,31 @@ impl Drop for Ffmpeg {
         self.stopper().stop();
         self.wait(); // so that no zombie is left
     }
+}
+
+/// The file that a `file:` location names.
+fn local_file(location: &OsStr) -> Option<File> {
+    File::open(location.to_str()?.strip_prefix("file:")?).ok()
+}
+
+/// What the end of a GIF or transport stream lacks; `None` for whole ones and other files.
+fn missing_end(mut file: File) -> io::Result<Option<&'static str>> {
+    let mut head = Vec::new();
+    file.by_ref()
+        .take(PACKET as u64 + 1)
+        .read_to_end(&mut head)?;
+    let length = file.seek(SeekFrom::End(0))?;
+    if head.starts_with(b"GIF8") {
+        let mut tail = Vec::new();
+        file.seek(SeekFrom::Start(length.saturating_sub(PACKET as u64)))?;
+        file.read_to_end(&mut tail)?;
+        let last = tail.iter().rev().find(|byte| **byte != 0); // some are padded
+        let is_whole = last == Some(&TRAILER);
+        return Ok((!is_whole).then_some("the GIF has no end"));
+    }
+    let is_transport = head.first() == Some(&SYNC) && head.get(PACKET) == Some(&SYNC);
+    let is_whole = length % PACKET as u64 == 0;
+    Ok((is_transport && !is_whole).then_some("the transport stream ends within a packet"))
 }
 
 /// Reads to the end, so that the process never blocks on it, and keeps the last lines.

@@ -266,6 +266,10 @@ fn files_beside_frames() -> Vec<Case> {
             says: &["did you mean seq/visible?"],
             ..REFUSED
         }),
+        track("end behind the last frame", "--end 99", sequence).expect(Expect {
+            says: &["note: --end 99: the input has 8 frames"],
+            ..WHOLE
+        }),
         track("sizes that change midway", "", |folder| {
             sequence(folder);
             for i in 4..FRAMES {
@@ -499,6 +503,30 @@ pub fn videos() -> Vec<Case> {
             lines: Some(64),
             last: Some([20.0, 40.0, 24.0, 18.0]),
             ..WHOLE
+        }),
+        track("gif that is cut off", "clip.gif", {
+            Box::new(|folder| {
+                scene::video(folder, "clip.gif", &[]);
+                scene::cut(&folder.join("clip.gif"), 0.5);
+            })
+        })
+        .expect(Expect {
+            lines: None,
+            says: &["the GIF has no end: it is cut short"],
+            ..damaged
+        }),
+        track("transport stream that is cut off", "clip.ts", {
+            Box::new(|folder| {
+                scene::video(folder, "clip.ts", &["-g", "1"]);
+                let path = folder.join("clip.ts");
+                let bytes = std::fs::read(&path).unwrap();
+                std::fs::write(path, &bytes[..188 * (bytes.len() / 376) + 100]).unwrap();
+            })
+        })
+        .expect(Expect {
+            lines: None,
+            says: &["ffmpeg reported"],
+            ..damaged
         }),
         track("mkv that is cut off", "clip.mkv", {
             Box::new(|folder| {

@@ -133,6 +133,10 @@ impl Run<'_> {
             }
             bar.inc(1);
         }
+        let found = index + 1;
+        if let Some(end) = self.args.end.filter(|end| is_painting && *end > found) {
+            eprintln!("note: --end {end}: the input has {found} frames");
+        }
         Ok(())
     }
 
