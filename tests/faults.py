@@ -275,7 +275,7 @@ class Rig:
         return kilobytes / 1024, len(os.listdir(f"{folder}/task")), len(os.listdir(f"{folder}/fd"))
 
     def fill_disk(self):
-        with open(os.path.join(self.folder, "filler"), "wb") as file:
+        with open(os.path.join(self.folder, "filler"), "wb", buffering=0) as file:
             try:
                 while True:
                     file.write(bytes(1 << 16))

@@ -5,6 +5,7 @@ use crate::{
     error::Refusal,
     names::{self, EncoderNames},
 };
+use std::collections::BTreeSet;
 use weights_format::{Architecture, Encoder, Layer, LayerKind, MAX_FILE_BYTES, Widths};
 
 /// Widths and kernel from the tensors' shapes; `relu`, which no shape tells, as given.
@@ -130,8 +131,10 @@ fn require(
         .iter()
         .flat_map(|layer| parameters(layer, encoder_names));
     let scalars = names::SCALARS.map(String::from);
-    let missing: Vec<String> = needed
-        .chain(scalars)
+    let needed: Vec<String> = needed.chain(scalars).collect();
+    let missing: Vec<&str> = needed
+        .iter()
+        .map(String::as_str)
         .filter(|name| checkpoint.shape(name).is_none())
         .collect();
     if missing.is_empty() {
@@ -140,14 +143,18 @@ fn require(
     let listed = missing[..missing.len().min(4)].join(", ");
     let more = if missing.len() > 4 { ", ..." } else { "" };
     let mut found = format!("{} missing: {listed}{more}", missing.len());
-    let closest = checkpoint.names().take(MAX_COMPARED).max_by(|a, b| {
-        let likeness = |name: &&str| strsim::jaro_winkler(name, &missing[0]);
+    let taken: BTreeSet<&str> = needed.iter().map(String::as_str).collect();
+    let unused = checkpoint.names().filter(|name| !taken.contains(name));
+    let closest = unused.take(MAX_COMPARED).max_by(|a, b| {
+        let likeness = |name: &&str| strsim::jaro_winkler(name, missing[0]);
         likeness(a).total_cmp(&likeness(b))
     });
-    if let Some(name) = closest {
-        let count = checkpoint.names().count();
-        found += &format!("; the closest of its {count} tensors is {name:?}");
-    } else if !checkpoint.others().is_empty() {
+    let count = checkpoint.names().count();
+    if checkpoint.others().iter().any(|other| other == missing[0]) {
+        found += &format!("; {} is there, but is no plain tensor", missing[0]);
+    } else if let Some(name) = closest {
+        found += &format!("; of its {count} tensors, the closest to the first is {name:?}");
+    } else if count == 0 && !checkpoint.others().is_empty() {
         found += &format!(
             "; it has no tensors, only {}",
             checkpoint.others().join(", ")

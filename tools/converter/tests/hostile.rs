@@ -390,6 +390,17 @@ fn storages_and_strides() {
             "persistent id: expected one of a storage, found \"0\"",
         ),
         (
+            "a storage of complex numbers",
+            id(&|p| {
+                p.text("storage")
+                    .global("torch", "ComplexFloatStorage")
+                    .text("0")
+                    .text("cpu")
+                    .int(1)
+            }),
+            "bool type, found `torch.ComplexFloatStorage`",
+        ),
+        (
             "an id of something else",
             id(&|p| {
                 p.text("module")

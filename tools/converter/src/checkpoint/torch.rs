@@ -262,6 +262,12 @@ pub fn storage(heap: &Heap, id: Id) -> Result<StorageRef, Refusal> {
         other => return Err(wrong(other)),
     };
     let items: Vec<&Value> = items.iter().map(|&item| heap.get(item)).collect();
+    if let [Value::Str(tag), Value::Opaque(name), ..] = &items[..]
+        && tag == "storage"
+    {
+        let expected = "elements of a floating-point, integer or bool type";
+        return Err(Refusal::new("storage", expected, format!("`{name}`")));
+    }
     let [
         Value::Str(tag),
         Value::Global(Global::Storage(dtype)),
