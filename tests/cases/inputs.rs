@@ -404,6 +404,17 @@ fn boxes_and_models() -> Vec<Case> {
             sequence,
         )
         .expect(normalized),
+        #[cfg(feature = "serve")]
+        Case::new(
+            "box outside for serve",
+            "serve -i seq --init 900,900,24,18 --every-frame",
+            sequence,
+        )
+        .expect(Expect {
+            code: 6,
+            says: &["--init: box 900,900,24,18 lies outside the 160x120 frame"],
+            ..REFUSED
+        }),
         Case::new(
             "box of one pixel that is not in the corner",
             "track -i seq --init 20,40,1,1",

@@ -105,6 +105,7 @@ impl Failure {
                 station::Error::ClosedPipe => return ExitCode::SUCCESS,
                 station::Error::Source(_) | station::Error::File { .. } => Exit::Input,
                 station::Error::Output { .. } => Exit::Output,
+                station::Error::Refused(_) => Exit::Target,
             },
             Failure::Input(_) | Failure::Frame { .. } => Exit::Input,
             Failure::Model(_) | Failure::Presence(_) => Exit::Model,

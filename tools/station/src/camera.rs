@@ -2,14 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use image::{ImageFormat, ImageReader, Limits};
-
 use crate::feed::Frames;
-use crate::picture::{Order, Picture};
+use crate::picture::Picture;
 use crate::say::say;
 
-/// Largest side of a picture that is decoded.
-const MAX_SIDE: u32 = 16_384;
 /// Frames in a row that may be damaged before the camera is opened again.
 const MAX_DAMAGED: u32 = 30;
 /// How often a silent device is asked whether it is still wanted.
@@ -30,6 +26,8 @@ pub enum Layout {
     Rgb,
     /// One byte per pixel.
     Gray,
+    /// Two bytes per pixel, the low one first, as thermal cameras have it.
+    Gray16,
 }
 
 /// What a device delivers.
@@ -57,8 +55,8 @@ pub trait Device {
     fn capture(&mut self, patience: Duration, work: &mut dyn FnMut(&[u8])) -> Result<bool, String>;
 }
 
-/// Turns an uncompressed buffer into a picture, in `spare`.
-pub type Decode = fn(Format, &[u8], Vec<u8>) -> Result<Picture, String>;
+/// Turns a buffer into a picture, in `spare`; what it knows of earlier ones is its own.
+pub type Decode = Box<dyn FnMut(Format, &[u8], Vec<u8>) -> Result<Picture, String> + Send>;
 
 /// The frames of a device.
 pub struct Camera<D> {
@@ -83,17 +81,14 @@ impl<D: Device> Camera<D> {
 impl<D: Device> Frames for Camera<D> {
     fn next(&mut self, spare: Vec<u8>) -> Result<Option<Picture>, String> {
         let format = self.device.format();
-        let decode = self.decode;
+        let decode = &mut self.decode;
         let mut spare = Some(spare);
         let mut heard = Instant::now();
         loop {
             let mut decoded = None;
             let came = self.device.capture(PATIENCE, &mut |bytes| {
                 let spare = spare.take().unwrap_or_default();
-                decoded = Some(match format.layout {
-                    Layout::Jpeg => decode_jpeg(bytes),
-                    _ => decode(format, bytes, spare),
-                });
+                decoded = Some(decode(format, bytes, spare));
             })?;
             if came {
                 heard = Instant::now();
@@ -121,24 +116,6 @@ impl<D: Device> Frames for Camera<D> {
     }
 }
 
-fn decode_jpeg(bytes: &[u8]) -> Result<Picture, String> {
-    let mut reader = ImageReader::with_format(std::io::Cursor::new(bytes), ImageFormat::Jpeg);
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    reader.limits(limits);
-    let image = reader
-        .decode()
-        .map_err(|error| error.to_string())?
-        .into_rgb8();
-    Ok(Picture {
-        width: image.width() as usize,
-        height: image.height() as usize,
-        data: image.into_raw(),
-        order: Order::Rgb,
-    })
-}
-
 #[cfg(target_os = "linux")]
 pub use v4l2::V4l2;
 
@@ -158,14 +135,18 @@ mod v4l2 {
     use crate::say::say;
 
     /// Formats by preference: over USB, uncompressed ones do not reach 30 frames a second at 720p.
-    const FORMATS: [(PixelFormat, Layout); 7] = [
+    const FORMATS: [(PixelFormat, Layout); 11] = [
         (PixelFormat::MJPG, Layout::Jpeg),
         (PixelFormat::JPEG, Layout::Jpeg),
         (PixelFormat::YUYV, Layout::Yuyv),
         (PixelFormat::from_fourcc(*b"NV12"), Layout::Nv12),
         (PixelFormat::BGR3, Layout::Bgr),
         (PixelFormat::RGB3, Layout::Rgb),
-        (PixelFormat::from_fourcc(*b"GRAY"), Layout::Gray),
+        (PixelFormat::from_fourcc(*b"GREY"), Layout::Gray),
+        (PixelFormat::from_fourcc(*b"Y16 "), Layout::Gray16),
+        (PixelFormat::from_fourcc(*b"Y14 "), Layout::Gray16),
+        (PixelFormat::from_fourcc(*b"Y12 "), Layout::Gray16),
+        (PixelFormat::from_fourcc(*b"Y10 "), Layout::Gray16),
     ];
     /// The size asked for if the user names none.
     const SIZE: (usize, usize) = (1280, 720);
@@ -194,8 +175,9 @@ mod v4l2 {
             let chosen = FORMATS.iter().find(|(code, _)| offered.contains(code));
             let Some(&(code, layout)) = chosen else {
                 return Err(format!(
-                    "{}: offers {offered:?}, expected JPEG or YUYV",
-                    path.display()
+                    "{}: offers {offered:?}, expected one of {:?}",
+                    path.display(),
+                    FORMATS.map(|(code, _)| code)
                 ));
             };
             let (width, height) = size.unwrap_or(SIZE);
@@ -261,6 +243,7 @@ mod v4l2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Order;
 
     /// A camera that plays a script: a buffer, silence, or a failure.
     struct Fake {
@@ -312,7 +295,8 @@ mod tests {
             width: 2,
             height: 1,
         };
-        Camera::new(Fake { format, script }, decode, Duration::from_millis(250))
+        let device = Fake { format, script };
+        Camera::new(device, Box::new(decode), Duration::from_millis(250))
     }
 
     #[test]
@@ -329,7 +313,7 @@ mod tests {
 
     #[test]
     fn camera_that_only_delivers_damage_fails() {
-        let mut camera = camera(Layout::Jpeg, vec![Some(b"no jpeg".to_vec()); 40]);
+        let mut camera = camera(Layout::Gray, vec![Some(vec![1]); 40]);
 
         let failed = camera.next(Vec::new()).unwrap_err();
 

@@ -1,6 +1,11 @@
 //! Why a station does not start, or ends early.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
+
+/// Largest key or token file in bytes.
+const MAX_SECRET: u64 = 4096;
 
 /// Why a station does not start, or ends early.
 #[derive(Debug, thiserror::Error)]
@@ -24,6 +29,9 @@ pub enum Error {
         /// What was expected, or what the system said.
         reason: String,
     },
+    /// The first target is refused, and nobody could name another one.
+    #[error("--init: {0}")]
+    Refused(String),
     /// The reader of standard output has gone, and nobody else listens.
     #[error("standard output was closed")]
     ClosedPipe,
@@ -45,4 +53,22 @@ impl Error {
             reason: reason.to_string(),
         }
     }
+}
+
+/// Reads the file of a key or a token, which is small.
+///
+/// # Errors
+/// If it cannot be read, or is larger than any such file: a device would never end.
+pub(crate) fn read_secret(path: &Path) -> Result<Vec<u8>, Error> {
+    let wrong = |error: std::io::Error| Error::file(path, error);
+    let file = File::open(path).map_err(wrong)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_SECRET + 1)
+        .read_to_end(&mut bytes)
+        .map_err(wrong)?;
+    if bytes.len() as u64 > MAX_SECRET {
+        let reason = format!("holds more than {MAX_SECRET} bytes, expected a key or token");
+        return Err(Error::file(path, reason));
+    }
+    Ok(bytes)
 }

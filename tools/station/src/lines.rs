@@ -156,6 +156,9 @@ fn connect(address: &str) -> std::io::Result<UdpSocket> {
     };
     let socket = UdpSocket::bind(any)?;
     socket.connect(address)?;
+    if socket.peer_addr()?.port() == 0 {
+        return Err(std::io::Error::other("expected a port above 0, found 0"));
+    }
     socket.set_nonblocking(true)?;
     Ok(socket)
 }
@@ -166,9 +169,13 @@ mod tests {
 
     #[test]
     fn address_that_is_none_is_refused_by_name() {
-        let refused = Lines::new(false, Some("nonsense"), false).err();
+        for (address, reason) in [("nonsense", ""), ("127.0.0.1:0", "a port above 0")] {
+            let refused = Lines::new(false, Some(address), false).err();
 
-        let message = refused.map(|error| error.to_string()).unwrap_or_default();
-        assert!(message.starts_with("--udp nonsense: "), "{message}");
+            let message = refused.map(|error| error.to_string()).unwrap_or_default();
+            let start = format!("--udp {address}: ");
+            assert!(message.starts_with(&start), "{message}");
+            assert!(message.contains(reason), "{message}");
+        }
     }
 }

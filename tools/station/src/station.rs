@@ -246,6 +246,7 @@ impl Tracking<'_> {
                     fresh = Some(track);
                     asked.push(Asked::Start { bbox, at: None });
                 }
+                Err(reason) if !self.has_clients() => return Err(Error::Refused(reason)),
                 Err(reason) => say!("start refused: {reason}"),
             }
         }
@@ -375,10 +376,11 @@ impl Tracking<'_> {
     }
 
     fn has_other_outputs(&self) -> bool {
-        let options = self.options;
-        options.udp.is_some()
-            || options.log.is_some()
-            || options.http.address.is_some()
-            || !options.mavlink.links.is_empty()
+        self.options.udp.is_some() || self.options.log.is_some() || self.has_clients()
+    }
+
+    /// Whether somebody may start a target.
+    fn has_clients(&self) -> bool {
+        self.options.http.address.is_some() || !self.options.mavlink.links.is_empty()
     }
 }

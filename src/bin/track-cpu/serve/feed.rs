@@ -8,7 +8,7 @@ use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
 use station::camera::{Camera, Format, Layout};
 use station::{Feed, Frames, Order, Picture, Stopper};
 use track_cpu::ChannelOrder;
-use track_cpu::source::{Image, Input, LIVE_SCHEMES, PixelFormat, RawFormat, Source};
+use track_cpu::source::{Decoder, Image, Input, LIVE_SCHEMES, PixelFormat, RawFormat, Source};
 
 use super::args::ServeArgs;
 
@@ -164,7 +164,10 @@ fn open_camera(
     stall: Duration,
 ) -> Result<Box<dyn Frames>, String> {
     let device = station::camera::V4l2::open(path, size)?;
-    Ok(Box::new(Camera::new(device, decode, stall)))
+    let mut decoder = Decoder::default();
+    let decode =
+        move |format: Format, bytes: &[u8], buffer| decode(&mut decoder, format, bytes, buffer);
+    Ok(Box::new(Camera::new(device, Box::new(decode), stall)))
 }
 
 #[cfg(not(target_os = "linux"))]
@@ -179,23 +182,29 @@ fn open_camera(
     ))
 }
 
-/// Turns a camera's uncompressed buffer into a picture.
+/// Turns a camera's buffer into a picture; the range of 16-bit frames is the decoder's.
 #[cfg_attr(not(target_os = "linux"), expect(dead_code))]
-fn decode(format: Format, bytes: &[u8], buffer: Vec<u8>) -> Result<Picture, String> {
+fn decode(
+    decoder: &mut Decoder,
+    format: Format,
+    bytes: &[u8],
+    buffer: Vec<u8>,
+) -> Result<Picture, String> {
     let pixels = match format.layout {
+        Layout::Jpeg => return decoder.decode(bytes, buffer).map(picture),
         Layout::Yuyv => PixelFormat::Yuyv422,
         Layout::Nv12 => PixelFormat::Nv12,
         Layout::Bgr => PixelFormat::Bgr24,
         Layout::Rgb => PixelFormat::Rgb24,
         Layout::Gray => PixelFormat::Gray,
-        Layout::Jpeg => return Err("a JPEG, expected pixels".into()),
+        Layout::Gray16 => PixelFormat::Gray16Le,
     };
     let raw = RawFormat {
         width: format.width,
         height: format.height,
         pixels,
     };
-    Image::from_raw(raw, bytes, buffer).map(picture)
+    decoder.raw(raw, bytes, buffer).map(picture)
 }
 
 /// The frames of a rendered flight.
@@ -306,6 +315,32 @@ mod tests {
         ] {
             assert!(parse_flight(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn frames_of_a_thermal_camera_share_one_range() {
+        let format = Format {
+            layout: Layout::Gray16,
+            width: 100,
+            height: 1,
+        };
+        // Counts from 2960 on, as an uncooled sensor has them; then a hot object fills the view.
+        let ramp = |shift: u16| -> Vec<u8> {
+            (0..100)
+                .flat_map(|i| (2960 + i + shift).to_le_bytes())
+                .collect()
+        };
+        let mut decoder = Decoder::default();
+
+        let first = decode(&mut decoder, format, &ramp(0), Vec::new()).unwrap();
+        let second = decode(&mut decoder, format, &ramp(20), Vec::new()).unwrap();
+        let short = decode(&mut decoder, format, &[0; 30], Vec::new());
+
+        assert_eq!((first.width, first.order), (100, Order::Gray));
+        assert!(first.data[90] > first.data[10] + 100, "{:?}", first.data);
+        // The same count keeps nearly its brightness.
+        assert!(second.data[50].abs_diff(first.data[70]) < 8);
+        assert!(short.is_err());
     }
 
     #[test]

@@ -30,7 +30,7 @@ mod video;
 
 use std::io::{Read, Write};
 use std::net::{IpAddr, Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -38,7 +38,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use crate::command::{Command, LIFETIME, Outcome};
-use crate::error::Error;
+use crate::error::{Error, read_secret};
 use crate::hub::Hub;
 use crate::say::say;
 use host::Hosts;
@@ -162,9 +162,10 @@ fn given_token(options: &HttpOptions) -> Result<Option<String>, Error> {
         }
         return Ok(options.token.clone());
     };
-    let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
+    let bytes = read_secret(path)?;
+    let text = String::from_utf8_lossy(&bytes);
     let token = text.trim();
-    check_token(token).map_err(|reason| Error::file(Path::new(path), reason))?;
+    check_token(token).map_err(|reason| Error::file(path, reason))?;
     Ok(Some(token.into()))
 }
 

@@ -33,4 +33,13 @@ fn token_is_read_from_a_file() {
     assert_eq!(good.unwrap(), Some("from-a-file".into()));
     assert!(bad.is_err());
     assert!(missing.is_err());
+    #[cfg(unix)]
+    {
+        let device = HttpOptions {
+            token_file: Some("/dev/zero".into()),
+            ..HttpOptions::default()
+        };
+        let endless = given_token(&device).unwrap_err().to_string();
+        assert!(endless.contains("/dev/zero: holds more than"), "{endless}");
+    }
 }

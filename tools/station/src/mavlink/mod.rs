@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 use ::mavlink::dialects::common::MavMessage;
 use ::mavlink::{MavHeader, Message};
 
-use crate::error::Error;
+use crate::error::{Error, read_secret};
 use crate::hub::Hub;
 use crate::say::say;
 use address::Address;
@@ -218,7 +218,7 @@ fn hear(
 
 /// Reads a key: 32 bytes, or 64 hexadecimal digits.
 fn read_key(path: &Path) -> Result<[u8; 32], Error> {
-    let bytes = std::fs::read(path).map_err(|error| Error::file(path, error))?;
+    let bytes = read_secret(path)?;
     parse_key(&bytes).ok_or_else(|| {
         let reason = format!(
             "holds {} bytes, expected a key of 32 bytes or 64 hexadecimal digits",
