@@ -339,7 +339,7 @@ class Router:
                         break
 
 
-def crowd(rig, seconds, viewers=24, slow=60):
+def crowd(rig, seconds, viewers=64, slow=60):
     """Viewers that never read, and connections whose request drips in; both for a while."""
     held = []
     for index in range(viewers + slow):
@@ -525,7 +525,7 @@ NUISANCES = [
     Nuisance("log's disk is full", disk),
     Nuisance("second MAVLink peer is gone", link_down),
     Nuisance("second MAVLink peer sleeps", link_sleeps),
-    Nuisance("24 viewers never read, 60 requests drip", crowded),
+    Nuisance("64 viewers never read, 60 requests drip", crowded),
     Nuisance("noise on the MAVLink port", noisy),
     Nuisance("damaged pictures", for_a_while("damaged")),
     Nuisance("pictures of another size", for_a_while("small")),
