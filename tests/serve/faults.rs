@@ -394,3 +394,79 @@ fn ffmpeg_dies_with_a_killed_program() {
     let gone = until(|| (!is_alive(&ffmpeg)).then_some(()));
     assert!(gone.is_some(), "ffmpeg is left as an orphan");
 }
+
+/// A library that moves the wall clock of a program by as many seconds as a file says.
+const CLOCK: &str = r#"
+#define _GNU_SOURCE
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+int clock_gettime(clockid_t id, struct timespec *now) {
+    long result = syscall(SYS_clock_gettime, id, now), seconds = 0;
+    if (result == 0 && id == CLOCK_REALTIME) {
+        FILE *file = fopen(getenv("CLOCK_JUMP"), "r");
+        if (file != NULL) {
+            if (fscanf(file, "%ld", &seconds) == 1) now->tv_sec += seconds;
+            fclose(file);
+        }
+    }
+    return (int)result;
+}
+"#;
+
+#[cfg(target_os = "linux")]
+#[test]
+fn clock_that_jumps_changes_nothing() {
+    let folder = Folder::new("clock");
+    let source = folder.file("clock.c");
+    let library = folder.file("clock.so");
+    std::fs::write(&source, CLOCK).unwrap();
+    let compiled = Command::new("cc")
+        .args(["-shared", "-fPIC", "-o", &library, &source])
+        .output();
+    if !compiled.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: no C compiler on this machine");
+        return;
+    }
+    let jump = folder.file("jump");
+    let log = folder.file("f.jsonl");
+    let (station, address) = GroundStation::listen();
+    let page = Page::new();
+    let mut command = Command::new(PROGRAM);
+    command.arg("serve").args(SLOW_FLIGHT).args(page.options());
+    command.args(["--mavlink", &address, "--log", &log]);
+    command.env("LD_PRELOAD", &library).env("CLOCK_JUMP", &jump);
+    command.stdin(Stdio::null()).stdout(Stdio::null());
+    let serving = Serving::spawn(command);
+    station.insist(TRACK, RECTANGLE);
+    station.wait_for_status(1);
+
+    // Ten years ahead, as when a receiver first knows the time; then back before the start.
+    for seconds in ["315360000", "-86400"] {
+        std::fs::write(&jump, seconds).unwrap();
+        let before = page.state()["frame"].as_u64();
+        let later = until(|| {
+            let state = page.state();
+            (state["frame"].as_u64() > before.map(|frame| frame + 20)).then_some(state)
+        });
+
+        let state = later.expect("frames go on");
+        assert_eq!(state["source"], "live", "{seconds}: {state}");
+        assert!(state["age_ms"].as_f64() < Some(5000.0), "{state}");
+        assert_ne!(station.status().tracking_status.bits(), 0, "{seconds}");
+        assert_eq!(page.post("/stop", Page::TOKEN, ""), 202);
+        station.insist(TRACK, RECTANGLE);
+    }
+
+    assert_eq!(serving.end(), Some(0));
+    let logged = lines(&std::fs::read(&log).unwrap());
+    let times: Vec<f64> = logged
+        .iter()
+        .filter_map(|line| line["time_ms"].as_f64())
+        .collect();
+    assert!(times.len() > 40);
+    assert!(times.windows(2).all(|pair| pair[0] <= pair[1]), "{times:?}");
+    assert!(times.last() < Some(&600_000.0), "{times:?}");
+}
