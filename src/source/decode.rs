@@ -80,32 +80,46 @@ impl Decoder {
         };
         let Some(body) = jpeg::before_end(file) else {
             let [one, other] = jpeg::with_tails(file).ok_or_else(cut_short)?;
-            let image = self.decode_whole(&one, ImageFormat::Jpeg, buffer)?;
-            let same = self.decode_whole(&other, ImageFormat::Jpeg, Vec::new())?;
+            let (image, orientation) = self.decode_stored(&one, ImageFormat::Jpeg, buffer)?;
+            let (same, _) = self.decode_stored(&other, ImageFormat::Jpeg, Vec::new())?;
             return if image == same {
-                Ok(image)
+                Ok(turned(image, orientation))
             } else {
                 Err(cut_short())
             };
         };
         jpeg::check_restarts(file)?;
-        let image = self.decode_whole(file, ImageFormat::Jpeg, buffer)?;
-        // Decoding twice is for pictures that may lack something: they end in one color.
-        if has_flat_corner(&image)
+        let (image, orientation) = self.decode_stored(file, ImageFormat::Jpeg, buffer)?;
+        // Decoding twice is for the few pictures that may lack something.
+        if ends_in_a_pattern(&image)
             && let Some([tailed, _]) = jpeg::with_tails(body)
-            && image != self.decode_whole(&tailed, ImageFormat::Jpeg, Vec::new())?
         {
-            return Err(cut_short());
+            let (same, _) = self.decode_stored(&tailed, ImageFormat::Jpeg, Vec::new())?;
+            if image != same {
+                return Err(cut_short());
+            }
         }
-        Ok(image)
+        Ok(turned(image, orientation))
     }
 
+    /// The picture, turned as its orientation tag says.
     fn decode_whole(
         &mut self,
         file: &[u8],
         format: ImageFormat,
-        mut buffer: Vec<u8>,
+        buffer: Vec<u8>,
     ) -> Result<Image, String> {
+        let (image, orientation) = self.decode_stored(file, format, buffer)?;
+        Ok(turned(image, orientation))
+    }
+
+    /// The picture as it is stored, and its orientation.
+    fn decode_stored(
+        &mut self,
+        file: &[u8],
+        format: ImageFormat,
+        mut buffer: Vec<u8>,
+    ) -> Result<(Image, Orientation), String> {
         let max_side = Frame::MAX_SIDE as u32;
         let mut limits = Limits::default();
         limits.max_image_width = Some(max_side);
@@ -163,7 +177,7 @@ impl Decoder {
             order,
             name: None,
         };
-        Ok(turned(image, orientation))
+        Ok((image, orientation))
     }
 
     /// A PGM (`P5`) or PPM (`P6`) picture.
@@ -273,26 +287,22 @@ fn is_animation(file: &[u8]) -> bool {
     false
 }
 
-/// Whether a corner of 8 x 8 pixels has one color, as a decoder fills what is missing.
+/// Whether the last rows end in a pattern that repeats from block to block, or in one color.
 ///
-/// All four are looked at, since the picture may have been turned.
-fn has_flat_corner(image: &Image) -> bool {
-    let bytes = image.order.bytes_per_pixel();
-    let (wide, high) = (image.width.min(8), image.height.min(8));
-    let columns = [0, image.width - wide];
-    let rows = [0, image.height - high];
-    let is_flat = |left: usize, top: usize| {
-        let first = bytes * (top * image.width + left);
-        let color = &image.data[first..first + bytes];
-        (top..top + high).all(|y| {
-            let start = bytes * (y * image.width + left);
-            let row = &image.data[start..start + bytes * wide];
-            row.chunks_exact(bytes).all(|pixel| pixel == color)
-        })
+/// A decoder that runs out of data reads zeros on, so all the blocks behind look alike. Blocks are
+/// 8 or 16 pixels wide.
+fn ends_in_a_pattern(image: &Image) -> bool {
+    let pixel = image.order.bytes_per_pixel();
+    let row = image.width * pixel;
+    let period = 16 * pixel;
+    if row < 2 * period {
+        return true; // too small to tell, and quick to decode
+    }
+    let alike = |row: &[u8]| {
+        let (before, last) = row[row.len() - 2 * period..].split_at(period);
+        before == last
     };
-    columns
-        .iter()
-        .any(|left| rows.iter().any(|top| is_flat(*left, *top)))
+    image.data.chunks_exact(row).rev().take(8).all(alike)
 }
 
 /// The picture as its orientation tag wants it seen.
@@ -370,6 +380,21 @@ mod tests {
                 "{missing} bytes are missing"
             );
         }
+    }
+
+    #[test]
+    fn jpeg_cut_short_is_refused_with_an_end_marker_as_well() {
+        let jpeg = noisy_jpeg();
+        for share in [0.5, 0.7, 0.9] {
+            let length = (jpeg.len() as f64 * share) as usize;
+            let cut = [&jpeg[..length], &[0xff, 0xd9]].concat();
+
+            let found = Decoder::default().decode(&cut, Vec::new());
+
+            let message = found.map(|image| image.width).unwrap_err();
+            assert!(message.contains("cut short"), "{share}: {message}");
+        }
+        assert!(Decoder::default().decode(&jpeg, Vec::new()).is_ok());
     }
 
     #[test]
