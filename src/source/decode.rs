@@ -90,9 +90,10 @@ impl Decoder {
         };
         jpeg::check_restarts(file)?;
         let (image, orientation) = self.decode_stored(file, ImageFormat::Jpeg, buffer)?;
-        // Decoding twice is for the few pictures that may lack something.
+        // Decoding twice is for the few pictures that may lack something. The first tail is the
+        // zeros that a decoder makes up itself.
         if ends_in_a_pattern(&image)
-            && let Some([tailed, _]) = jpeg::with_tails(body)
+            && let Some([_, tailed]) = jpeg::with_tails(body)
         {
             let (same, _) = self.decode_stored(&tailed, ImageFormat::Jpeg, Vec::new())?;
             if image != same {

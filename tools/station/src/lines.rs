@@ -4,7 +4,7 @@
 //! frame.
 
 use std::io::{ErrorKind, Write};
-use std::net::UdpSocket;
+use std::net::{ToSocketAddrs, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -155,10 +155,10 @@ fn connect(address: &str) -> std::io::Result<UdpSocket> {
         "0.0.0.0:0"
     };
     let socket = UdpSocket::bind(any)?;
-    socket.connect(address)?;
-    if socket.peer_addr()?.port() == 0 {
+    if address.to_socket_addrs()?.any(|peer| peer.port() == 0) {
         return Err(std::io::Error::other("expected a port above 0, found 0"));
     }
+    socket.connect(address)?;
     socket.set_nonblocking(true)?;
     Ok(socket)
 }
