@@ -228,7 +228,7 @@ fn silent_stream_is_closed_and_opened_again() {
         _ => None,
     });
     let arguments = std::fs::read_to_string(&arguments).unwrap();
-    let is_quick = arguments.contains("-flags low_delay -thread_type slice -i ");
+    let is_quick = arguments.contains("-flags low_delay -thread_type slice -r 25 -i ");
     assert!(is_quick, "decoded without delay: {arguments}");
     assert!(serving.is_running());
     assert_eq!(serving.end(), Some(0));
