@@ -4,8 +4,9 @@
     python3 -m venv v && v/bin/pip install pymavlink mavsdk MAVProxy
     v/bin/python tests/clients.py target/release/track-cpu
 
-Each check prints a line, and a client that is not installed is skipped; the exit code is 1 if any check fails. A ground
-station of pymavlink is in ground_station.py, a browser in web_page.py, and faults.py has both in bad weather.
+Each check prints a line, and a client that is not installed is skipped; the exit code is 1 if any
+check fails. A ground station of pymavlink is in ground_station.py, a browser in web_page.py, and
+faults.py has both in bad weather.
 """
 import argparse
 import http.client

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Faults in front of `track-cpu serve`: when each is noticed, what is said, and whether the gimbal rests.
+"""Faults in front of `track-cpu serve`: when each is noticed, what is said, if the gimbal rests.
 
     python3 -m venv v && v/bin/pip install pymavlink
     v/bin/python tests/faults.py target/release/track-cpu
     v/bin/python tests/faults.py target/release/track-cpu --soak 3600
 
-The camera is an HTTP stream of 30 JPEGs a second, made here and read through ffmpeg; its target moves. A ground station
-listens over MAVLink. Without --soak every fault is tried once, and the table is printed as Markdown. A soak tries one fault a
-minute, and prints the ages of reports, memory, threads and open files. The exit code is 1 if anything is not as it should be.
+The camera is an HTTP stream of 30 JPEGs a second, made here and read through ffmpeg; its target
+moves. A ground station listens over MAVLink. Without --soak every fault is tried once, and the
+table is printed as Markdown. A soak tries one fault a minute, and prints the ages of reports,
+memory, threads and open files. The exit code is 1 if anything is not as it should be.
 """
 import argparse
 import collections
@@ -59,7 +60,7 @@ def free_port(kind=socket.SOCK_DGRAM):
 
 
 def place(index):
-    """Left and top edge of the target in a frame; it goes round once in LOOP frames, off the middle."""
+    """Left and top edge of the target, which goes round once in LOOP frames, off the middle."""
     angle = 2 * math.pi * index / LOOP
     return int(430 + 40 * math.cos(angle)), int(220 + 25 * math.sin(angle))
 
@@ -370,7 +371,7 @@ def crowd(rig, seconds, viewers=64, slow=60):
 
 
 def noise(rig):
-    """Datagrams that are no messages, and messages with flipped bits, to where the program listens from."""
+    """Datagrams that are no messages, and messages with flipped bits."""
     heartbeat = rig.link.mav.heartbeat_encode(6, 8, 0, 0, 4).pack(rig.link.mav)
     for _ in range(2000):
         data = bytearray(os.urandom(random.randrange(1, 280)))

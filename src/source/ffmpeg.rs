@@ -71,7 +71,7 @@ impl Ffmpeg {
             command.args(["-rtsp_transport", "tcp"]);
         }
         command.args(["-r", "25", "-i"]).arg(location);
-        // Filters start anew where the size changes: counting goes on from the decoder's stamp.
+        // A filter is made again where the size changes: it counts on from the decoder's stamp.
         let stamps = "setpts=STARTPTS+N/(25*TB)";
         command.args(["-map", "0:v:0", "-vf", stamps, "-r", "25"]);
         command.args([

@@ -142,7 +142,10 @@ mod v4l2 {
         (PixelFormat::from_fourcc(*b"NV12"), Layout::Nv12),
         (PixelFormat::BGR3, Layout::Bgr),
         (PixelFormat::RGB3, Layout::Rgb),
-        (PixelFormat::from_fourcc(*b"GREY"), Layout::Gray),
+        (
+            PixelFormat::from_fourcc([b'G', b'R', b'E', b'Y']),
+            Layout::Gray,
+        ),
         (PixelFormat::from_fourcc(*b"Y16 "), Layout::Gray16),
         (PixelFormat::from_fourcc(*b"Y14 "), Layout::Gray16),
         (PixelFormat::from_fourcc(*b"Y12 "), Layout::Gray16),
