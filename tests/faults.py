@@ -662,7 +662,8 @@ def soak(program, length, options):
         boxes = [at for at, what, value in list(rig.heard) if at >= minute and what == "line" and value.get("box")]
         moves = [at for at, what, value in list(rig.heard) if at >= minute and what == "rates" and moving(value)]
         for at in moves:
-            earlier = [box for box in boxes if box <= at]
+            # The first rate after a silence overtakes the line that it belongs to.
+            earlier = [box for box in boxes if box <= at + 0.3]
             if earlier:
                 runaway = max(runaway, at - earlier[-1])
         # Ages of the calm part of the minute, and of all of it.
