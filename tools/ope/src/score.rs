@@ -289,8 +289,8 @@ mod tests {
         let score = evaluation
             .score(Convention::Got10k, &mut Notes::default())
             .unwrap();
-        // 1 in 10, 1 in 1, and none.
-        assert!((score.precision - 110.0 / 3.0).abs() < 1e-9, "{score:?}");
+        // 1 in 10, and twice 1 in 1: the first frame is given.
+        assert!((score.precision - 70.0).abs() < 1e-9, "{score:?}");
         assert_eq!(score.sequences, 3);
         assert_eq!(evaluation.speed.unwrap().mean_of_rates, 3.0);
     }
