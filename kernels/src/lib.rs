@@ -6,7 +6,7 @@
 //! | kernel | formula | input -> output | file |
 //! |---|---|---|---|
 //! | convolution, direct | `y = relu(b + sum of w x)` | `[H, W, Cin] -> [H', W', Cout]` | [`conv`], `conv/direct.rs` |
-//! | convolution, Winograd | the same, 3 to 6 times fewer multiplications | the same | `conv/winograd/` |
+//! | convolution, Winograd | the same, 4 to 9 times fewer multiplications | the same | `conv/winograd/` |
 //! | convolution, int8 | the same on bytes, summed exactly in `i32` | the same | `conv/int8.rs` |
 //! | convolution, im2col | the same, as one matrix product | the same | `conv/im2col.rs`, [`mod@gemm`] |
 //! | quantization | `q = round(x / s) + z` | `f32 [n] -> u8 [n]` | [`quant`] |

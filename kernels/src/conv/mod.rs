@@ -17,7 +17,7 @@
 //! | `algorithm.rs` | the algorithms, and the plan that picks one per layer |
 //! | `conv.rs` | [`Conv`]: weights laid out once, then run per frame. **Start here.** |
 //! | `direct.rs` | register tiles over the input in place: the hot loop to read first |
-//! | `winograd/` | 3 to 6 times fewer multiplications; what the plan picks for most layers |
+//! | `winograd/` | 4 to 9 times fewer multiplications; what the plan picks for most layers |
 //! | `fold.rs` | turns a strided convolution into one of stride 1, for Winograd |
 //! | `int8.rs` | register tiles over bytes |
 //! | `im2col.rs` | patches and a general matrix product: the portable yardstick |
