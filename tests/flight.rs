@@ -291,6 +291,34 @@ fn time_decides_when_a_target_is_lost_and_not_frames() {
 }
 
 #[test]
+fn frame_rate_of_any_number_is_no_panic() {
+    let (frames, first) = flight(2);
+    for fps in [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        -3.0,
+        0.0,
+        1e-300,
+    ] {
+        let model = Model::builtin(Isa::detect());
+        let options = FlightOptions {
+            fps,
+            ..FlightOptions::new(&model)
+        };
+        let mut tracker = FlightTracker::new(model, options).unwrap();
+        tracker.init(&frame(&frames[0]), first).unwrap();
+
+        let track = follow(&mut tracker, &frames[1], 1);
+
+        assert!(
+            track.bbox.is_finite() && track.is_believed(),
+            "{fps}: {track:?}"
+        );
+    }
+}
+
+#[test]
 fn jump_of_the_clock_moves_no_box() {
     use std::time::Duration;
     let (frames, first) = flight(24);

@@ -282,9 +282,9 @@ impl Witness {
         let mut best = (f64::MIN, 0.0, row, column);
         for y in row.saturating_sub(1)..=(row + 1).min(reach - side) {
             for x in column.saturating_sub(1)..=(column + 1).min(reach - side) {
-                let (centerd, plain) = compare(template, search, &self.mean, y, x);
-                if centerd > best.0 {
-                    best = (centerd, plain, y, x);
+                let (centered, plain) = compare(template, search, &self.mean, y, x);
+                if centered > best.0 {
+                    best = (centered, plain, y, x);
                 }
             }
         }

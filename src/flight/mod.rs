@@ -48,6 +48,7 @@ use target::Target;
 
 pub use candidates::{Candidate, MAX_CANDIDATES};
 pub use evidence::{COUNT as EVIDENCE_COUNT, Evidence, NAMES as EVIDENCE_NAMES};
+use options::USUAL_RATE;
 pub use options::{
     BELIEVED, Budget, Conduct, FlightOptions, FlightTrack, ThresholdError, check_threshold,
 };
@@ -171,7 +172,9 @@ impl FlightTracker {
     /// # Errors
     /// If there is no target yet.
     pub fn update(&mut self, frame: &Frame<'_>, budget: Budget) -> Result<FlightTrack, TrackError> {
-        let elapsed = 1.0 / self.options.fps.clamp(1.0, 1000.0);
+        // A rate that is no number must not panic below.
+        let fps = Some(self.options.fps).filter(|fps| !fps.is_nan());
+        let elapsed = 1.0 / fps.unwrap_or(USUAL_RATE).clamp(1.0, 1000.0);
         self.update_after(Duration::from_secs_f64(elapsed), frame, budget)
     }
 
@@ -290,7 +293,7 @@ impl FlightTracker {
             target.motion.resize(&verdict.bbox);
         }
         if let Some(finding) = &sight.finding
-            && self.is_refuted(finding, &verdict.bbox, target)
+            && self.takes_back(finding, &verdict.bbox, target)
         {
             return;
         }
@@ -307,7 +310,7 @@ impl FlightTracker {
 
     /// Takes the last re-acquisition back if what was found moves as the target never would have;
     /// returns whether it does.
-    fn is_refuted(&mut self, finding: &Finding, bbox: &FrameBox, target: &mut Target) -> bool {
+    fn takes_back(&mut self, finding: &Finding, bbox: &FrameBox, target: &mut Target) -> bool {
         let Some(before) = target.on_probation() else {
             return false;
         };

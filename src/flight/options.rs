@@ -8,6 +8,9 @@ use kernels::par::Cores;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
+/// Frames per second where nothing else is said.
+pub(super) const USUAL_RATE: f64 = 30.0;
+
 /// How a [`FlightTracker`](super::FlightTracker) is to run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightOptions {
@@ -19,9 +22,10 @@ pub struct FlightOptions {
     pub config: TrackConfig,
     /// Least presence at which the target counts as seen.
     pub present: f64,
-    /// Least presence at which its motion is believed.
+    /// Least presence at which its motion is kept for later searches, and similar objects beside it
+    /// become rivals.
     pub sure: f64,
-    /// Presence below which an empty look counts as absence.
+    /// Presence below which an empty look counts as absence, and no motion is learned.
     pub absent: f64,
     /// Seconds for which nothing may be seen of the target before the box is given up.
     pub patience: f64,
@@ -48,7 +52,7 @@ impl FlightOptions {
             patience: 0.5,
             coast: 1.0,
             confirm: 3,
-            fps: 30.0,
+            fps: USUAL_RATE,
             conduct: Conduct::Recover,
         }
     }

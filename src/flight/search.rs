@@ -42,6 +42,9 @@ const PATIENT: u32 = 10;
 const DOUBTFUL: f64 = -0.7;
 /// Most places that wait for a closer look.
 const MAX_LEADS: usize = 8;
+/// Frames from one look at the predicted place to the next while the target is lost: most looks
+/// then go elsewhere.
+const AHEAD_EVERY: u32 = 3;
 /// Looks that confirm a place ahead of a coasting target.
 const CONFIRM_AHEAD: u32 = 2;
 
@@ -240,6 +243,7 @@ impl Search {
         self.give_up();
         self.takes_lead = false;
         self.follows_colors = false;
+        self.frames = 0;
     }
 
     /// Drops all places.
@@ -278,7 +282,7 @@ impl Search {
         while allowance.affords(self.cost) {
             let began = Instant::now();
             let coasts = means.standing.state == State::Coasting;
-            let is_due = coasts || self.frames.is_multiple_of(3);
+            let is_due = coasts || self.frames.is_multiple_of(AHEAD_EVERY);
             let is_doubtful = self.tentative.is_none_or(|place| place.confirmed == 0);
             if allowance.spent() == 0 && is_due && is_doubtful {
                 let ahead = self.look_ahead(means)?;
@@ -433,17 +437,18 @@ impl Search {
         let back = means.tracker.target_box();
         means.tracker.place(tentative.bbox);
         let track = means.tracker.find(means.frame)?;
-        let Some(finding) = means.judge.examine(means.tracker, means.frame, None) else {
-            return Ok(None);
-        };
-        means.judge.recognize(means.target, false);
-        tentative.note(means.judge.belief(&finding, means.target));
-        if tentative.is_refuted() {
+        let finding = means.judge.examine(means.tracker, means.frame, None);
+        let finding = finding.filter(|finding| {
+            means.judge.recognize(means.target, false);
+            tentative.note(means.judge.belief(finding, means.target));
+            !tentative.is_refuted()
+        });
+        let Some(finding) = finding else {
             if let Some(bbox) = back {
                 means.tracker.place(bbox);
             }
             return Ok(None);
-        }
+        };
         tentative.bbox = track.bbox.center();
         if tentative.is_found() {
             return Ok(Some((tentative.bbox, finding)));

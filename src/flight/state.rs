@@ -39,7 +39,7 @@ pub(super) struct Observation {
     /// Time in the state, this frame included.
     pub age: f64,
     /// Time for which all sightings were [`Sighting::Absent`], this one included.
-    pub absent: f64,
+    pub absent_for: f64,
 }
 
 /// Times after which a state ends, in seconds.
@@ -56,8 +56,12 @@ pub(super) struct Limits {
 impl State {
     /// The state after an observation.
     pub(super) fn next(self, observation: Observation, limits: &Limits) -> State {
-        let Observation { age, absent, .. } = observation;
-        let is_given_up = limits.patience.is_some_and(|patience| absent >= patience);
+        let Observation {
+            age, absent_for, ..
+        } = observation;
+        let is_given_up = limits
+            .patience
+            .is_some_and(|patience| absent_for >= patience);
         match (self, observation.sighting) {
             (_, Sighting::Found) => State::Reacquired,
             (_, Sighting::Impossible) => State::Coasting,
@@ -99,7 +103,7 @@ pub(super) struct Standing {
     /// Seconds from the frame before to this one.
     pub dt: f64,
     /// Time for which all sightings were absent.
-    absent: f64,
+    absent_for: f64,
     /// Time for which no box was believed.
     doubted: f64,
     /// Time since the last box that was not believed, or since the target was found again.
@@ -119,7 +123,7 @@ impl Standing {
             state: State::Tracking,
             age: 0.0,
             dt: 0.0,
-            absent: 0.0,
+            absent_for: 0.0,
             doubted: 0.0,
             calm: CALM,
         }
@@ -134,10 +138,10 @@ impl Standing {
     /// Moves on to the next state; returns whether it is another one.
     pub(super) fn note(&mut self, sighting: Sighting, limits: &Limits) -> bool {
         match sighting {
-            Sighting::Absent => self.absent += self.dt,
-            Sighting::Present | Sighting::Doubtful => self.absent = 0.0,
+            Sighting::Absent => self.absent_for += self.dt,
+            Sighting::Present | Sighting::Doubtful => self.absent_for = 0.0,
             Sighting::Found => {
-                self.absent = 0.0;
+                self.absent_for = 0.0;
                 self.doubted = 0.0;
                 self.calm = 0.0;
             }
@@ -146,7 +150,7 @@ impl Standing {
         let observation = Observation {
             sighting,
             age: self.age,
-            absent: self.absent,
+            absent_for: self.absent_for,
         };
         let next = self.state.next(observation, limits);
         let changes = next != self.state;
@@ -218,11 +222,11 @@ mod tests {
             (Reacquired, Impossible, 0.1, 0.0, Coasting),
         ];
 
-        for (state, sighting, age, absent, expected) in table {
+        for (state, sighting, age, absent_for, expected) in table {
             let observation = Observation {
                 sighting,
                 age,
-                absent,
+                absent_for,
             };
             assert_eq!(
                 state.next(observation, &limits),
@@ -242,7 +246,7 @@ mod tests {
         let observation = Observation {
             sighting: Sighting::Absent,
             age: 30.0,
-            absent: 30.0,
+            absent_for: 30.0,
         };
 
         let next = State::LowConfidence.next(observation, &limits);

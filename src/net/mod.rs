@@ -213,7 +213,7 @@ impl Network {
         self.search_timed(crop, side, &mut Stages::default())
     }
 
-    /// Runs a search crop of `side` pixels and notes the time of every stage.
+    /// Runs a search crop of `side` pixels and adds the time of every stage.
     pub(crate) fn search_timed(
         &mut self,
         crop: &[u8],
@@ -249,22 +249,22 @@ impl Network {
             } = buffers;
 
             layers.backbone.run(&mut contexts.cls, threads, backbone);
-            stages.backbone = lap.lap();
+            stages.backbone += lap.lap();
 
             let features = &backbone.conv5;
             let features = layers
                 .encoder
                 .run(&mut contexts.cls, threads, features, encoded);
-            stages.dr = lap.lap();
+            stages.dr += lap.lap();
 
             layers.neck.search(contexts, threads, features, neck);
-            stages.neck = lap.lap();
+            stages.neck += lap.lap();
 
             correlate(contexts, threads, neck, template, response);
-            stages.xcorr = lap.lap();
+            stages.xcorr += lap.lap();
 
             layers.head.run(contexts, threads, response, head, outputs);
-            stages.head = lap.lap();
+            stages.head += lap.lap();
         });
         &mut self.outputs
     }

@@ -214,6 +214,7 @@ impl Tracker {
     /// touch the frame. The tracker then keeps the earlier target.
     pub fn init(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<(), TrackError> {
         check_box(frame, bbox)?;
+        self.stages = Stages::default();
         let mut target = Target {
             bbox: bbox.center(),
             frame: frame.size(),
@@ -303,6 +304,7 @@ impl Tracker {
     /// Finds the target near its last box, without learning.
     pub(crate) fn find(&mut self, frame: &Frame<'_>) -> Result<Track, TrackError> {
         let target = self.target.ok_or(TrackError::NoTarget)?;
+        self.stages = Stages::default();
         let config = self.config;
         let calm = self.adaptive.as_ref().is_some_and(Adaptive::is_calm);
         let extent = if calm { Extent::Inner } else { Extent::Full };
@@ -408,6 +410,7 @@ impl Tracker {
         window_influence: f64,
     ) -> Result<Seen, TrackError> {
         let mut target = self.target.ok_or(TrackError::NoTarget)?;
+        self.stages = Stages::default();
         target.bbox = self.clamped(frame, &around);
         let config = TrackConfig {
             window_influence,
@@ -433,7 +436,7 @@ impl Tracker {
         zoomed.bbox.h *= zoom as f32;
         let side = self.views.of(extent).side;
         let placement = self.cut(frame, &zoomed, side);
-        self.stages.crop = lap.lap();
+        self.stages.crop += lap.lap();
 
         let outputs = self
             .network
@@ -442,7 +445,7 @@ impl Tracker {
         lap.lap();
 
         let response = self.filter.respond(&self.network);
-        self.stages.filter = lap.lap();
+        self.stages.filter += lap.lap();
 
         let selector = &self.views.of(extent).selector;
         let previous = placement.size_in_crop(&around);
@@ -454,7 +457,7 @@ impl Tracker {
             extent,
         };
         self.seen = Some(seen);
-        self.stages.select = lap.lap();
+        self.stages.select += lap.lap();
         seen
     }
 
@@ -508,7 +511,7 @@ impl Tracker {
         Placement::new(bbox, scale, side)
     }
 
-    /// Time per stage of the last [`update`](Self::update).
+    /// Time per stage of the last [`update`](Self::update), over all of its searches.
     pub fn stages(&self) -> &Stages {
         &self.stages
     }

@@ -86,8 +86,8 @@ int32_t track_cpu_score(const track_cpu_tracker *tracker, float *out);
 typedef struct track_cpu_flight_options {
     double present;  /* 0.5: least presence of a target that counts as seen; below it the state is
                         LOW_CONFIDENCE */
-    double sure;     /* 0.8: least presence at which its motion is believed, and other objects
-                        beside it are remembered as look-alikes */
+    double sure;     /* 0.8: least presence at which its motion is kept for later searches, and
+                        other objects beside it are remembered as look-alikes */
     double absent;   /* 0.01: presence below which an empty look counts as absence */
     double patience; /* 0.5: seconds of absence before the box is given up: COASTING */
     double coast;    /* 1: seconds of COASTING before the target is LOST */

@@ -15,7 +15,8 @@ pub const SEARCHES: u32 = 2;
 pub struct track_cpu_flight_options {
     /// Least presence of a target that counts as seen.
     pub present: f64,
-    /// Least presence at which its motion is believed.
+    /// Least presence at which its motion is kept for later searches, and similar objects beside it
+    /// become look-alikes to avoid.
     pub sure: f64,
     /// Presence below which an empty look counts as absence.
     pub absent: f64,
