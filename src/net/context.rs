@@ -10,7 +10,7 @@ use kernels::{Aligned, Isa, Size, pool};
 #[derive(Debug)]
 pub(crate) struct Context {
     isa: Isa,
-    scratch: Aligned<f32>, // padding and patches of the running convolution
+    scratch: Aligned<f32>, // of the running convolution
 }
 
 impl Context {

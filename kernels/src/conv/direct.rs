@@ -212,8 +212,7 @@ impl Tile<'_> {
 }
 
 /// The hot loop: adds the products of `len` values of each pixel with `weights`
-/// (`[len, VECTORS * LANES]`). Most of a frame's time in `f32` is spent here, or in its copy for
-/// Winograd's point products.
+/// (`[len, VECTORS * LANES]`). Winograd's stored kernels use it for their point products.
 ///
 /// ```text
 /// for j in 0..len

@@ -16,7 +16,7 @@
 //! | `shape.rs` | channels, kernel, stride, padding |
 //! | `algorithm.rs` | the algorithms, and the plan that picks one per layer |
 //! | `conv.rs` | [`Conv`]: weights laid out once, then run per frame. **Start here.** |
-//! | `direct.rs` | register tiles over the input in place: the hot loop to read first |
+//! | `direct.rs` | register tiles over the input in place: the simplest hot loop |
 //! | `winograd/` | 4 to 9 times fewer multiplications; what the plan picks for most layers |
 //! | `fold.rs` | turns a strided convolution into one of stride 1, for Winograd |
 //! | `int8.rs` | register tiles over bytes |

@@ -36,9 +36,9 @@ static MASK: [i32; 16] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0
 
 /// A mask of the first `min(n, 8)` lanes.
 #[inline(always)]
-fn mask(n: usize) -> __m256i {
+fn mask(_proof: Avx2, n: usize) -> __m256i {
     let from = &MASK[8 - n.min(8)..][..8];
-    // SAFETY: `from` is eight `i32`, the load is unaligned, and the caller holds an `Avx2`.
+    // SAFETY: `from` is eight `i32`, the load is unaligned, and `_proof` proves AVX2.
     unsafe { _mm256_loadu_si256(from.as_ptr().cast()) }
 }
 
@@ -70,7 +70,7 @@ impl Simd for Avx2 {
     fn load_partial(self, src: &[f32]) -> __m256 {
         // SAFETY: the mask selects no lane beyond `src`, masked-off lanes are not read, `self`
         // proves AVX2.
-        unsafe { _mm256_maskload_ps(src.as_ptr(), mask(src.len())) }
+        unsafe { _mm256_maskload_ps(src.as_ptr(), mask(self, src.len())) }
     }
 
     #[inline(always)]
@@ -84,7 +84,7 @@ impl Simd for Avx2 {
     fn store_partial(self, v: __m256, dst: &mut [f32]) {
         // SAFETY: the mask selects no lane beyond `dst`, masked-off lanes are not written, `self`
         // proves AVX2.
-        unsafe { _mm256_maskstore_ps(dst.as_mut_ptr(), mask(dst.len()), v) }
+        unsafe { _mm256_maskstore_ps(dst.as_mut_ptr(), mask(self, dst.len()), v) }
     }
 
     #[inline(always)]
@@ -226,7 +226,7 @@ impl Dot for Avx2Vnni {
 
     #[inline(always)]
     fn dot(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
-        // SAFETY: `self` proves AVX-VNNI.
+        // SAFETY: `self` proves the instruction in the encoding that this build uses.
         unsafe { dpbusd(sum, x, w) }
     }
 
@@ -248,7 +248,7 @@ impl Dot for Avx2Vnni {
 
     #[inline(always)]
     fn dot_pairs(self, x: __m256i, w: __m256i, sum: __m256i) -> __m256i {
-        // SAFETY: `self` proves AVX-VNNI.
+        // SAFETY: `self` proves the instruction in the encoding that this build uses.
         unsafe { dpwssd(sum, x, w) }
     }
 

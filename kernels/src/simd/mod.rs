@@ -155,7 +155,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn max(self, a: Self::F32, b: Self::F32) -> Self::F32;
 
     /// Prefetches the cache line that is `ahead` values after the start of `src` into the L2 cache.
-    /// A no-op without the instruction or past the end of `src`.
+    /// `ahead` may lie past the end of `src`: callers prefetch what follows it in memory. A no-op
+    /// without the instruction.
     #[inline(always)]
     fn prefetch<T>(self, _src: &[T], _ahead: usize) {}
 
