@@ -11,7 +11,7 @@ use std::io;
 
 use pyo3::PyErr;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
-use track_cpu::flight::PresenceError;
+use track_cpu::flight::{PresenceError, ThresholdError};
 use track_cpu::shared::SharedError;
 use track_cpu::{FrameError, TrackError};
 use weights_format::ReadError;
@@ -35,6 +35,9 @@ pub enum Failure {
     /// A model's presence coefficients are wrong.
     #[error(transparent)]
     Presence(#[from] PresenceError),
+    /// A threshold of flight mode is out of its range.
+    #[error(transparent)]
+    Threshold(#[from] ThresholdError),
     /// A picture is invalid.
     #[error(transparent)]
     Frame(#[from] FrameError),
@@ -55,7 +58,9 @@ impl From<Failure> for PyErr {
                 None => ModelError::new_err(words),
             },
             Failure::Model(_) | Failure::Presence(_) => ModelError::new_err(words),
-            Failure::Argument(_) | Failure::Frame(_) => PyValueError::new_err(words),
+            Failure::Argument(_) | Failure::Threshold(_) | Failure::Frame(_) => {
+                PyValueError::new_err(words)
+            }
             Failure::Track(TrackError::NoTarget) => PyRuntimeError::new_err(words),
             Failure::Track(_) => PyValueError::new_err(words),
             Failure::Shared(_) => PyRuntimeError::new_err(words),

@@ -76,7 +76,7 @@ impl FlightTracker {
         absent: Option<f64>,
         patience: Option<f64>,
         coast: Option<f64>,
-        confirm: Option<i64>,
+        confirm: Option<i32>,
         recover: bool,
         searches: Option<i64>,
         deadline: Option<f64>,
@@ -88,19 +88,26 @@ impl FlightTracker {
         } else {
             Conduct::Tell
         };
-        let options = FlightOptions {
+        let mut options = FlightOptions {
             threads: engine.threads,
             config: engine.config,
             fps: number("fps", fps, 1.0..=1000.0, standard.fps)?,
-            present: number("present", present, 0.0..=1.0, standard.present)?,
-            sure: number("sure", sure, 0.0..=1.0, standard.sure)?,
-            absent: number("absent", absent, 0.0..=1.0, standard.absent)?,
-            patience: number("patience", patience, SECONDS, standard.patience)?,
-            coast: number("coast", coast, SECONDS, standard.coast)?,
-            confirm: count("confirm", confirm, 1..=1000, standard.confirm)?,
             conduct,
             ..standard
         };
+        let thresholds = [
+            ("present", present),
+            ("sure", sure),
+            ("absent", absent),
+            ("patience", patience),
+            ("coast", coast),
+            ("confirm", confirm.map(f64::from)),
+        ];
+        for (name, value) in thresholds {
+            if let Some(value) = value {
+                options.set(name, value).map_err(Failure::from)?;
+            }
+        }
         let searches = count("searches", searches, 1..=1000, SEARCHES)?;
         let deadline = deadline
             .map(|deadline| number("deadline", Some(deadline), SECONDS, 0.0))

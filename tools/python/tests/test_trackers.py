@@ -37,10 +37,10 @@ def test_option_without_meaning_is_refused(kind, options, words):
     [
         ({"fps": 0}, "fps is 0, expected a number from 1 to 1000"),
         ({"fps": float("nan")}, "fps is NaN, expected"),
-        ({"present": 1.5}, "present is 1.5, expected a number from 0 to 1"),
+        ({"present": 1.5}, "present is 1.5, expected 0 to 1"),
         ({"patience": -1}, "patience is -1, expected"),
         ({"coast": float("inf")}, "coast is inf, expected"),
-        ({"confirm": 0}, "confirm is 0, expected a whole number from 1 to 1000"),
+        ({"confirm": 0}, "confirm is 0, expected 1 to 1000 looks"),
         ({"searches": -3}, "searches is -3, expected"),
         ({"deadline": 1e300}, "deadline is 1.*, expected"),
     ],
