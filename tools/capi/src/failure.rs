@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::ffi::{CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use track_cpu::flight::{PresenceError, ThresholdError};
+use track_cpu::shared::SharedError;
 use track_cpu::{FrameError, ModelError, TrackError};
 
 /// Why a call failed. The codes are those of `track_cpu.h`.
@@ -18,7 +19,7 @@ pub enum Failure {
         /// How many were asked for.
         found: u32,
         /// How many there may be.
-        most: u32,
+        most: usize,
     },
     /// A path is not UTF-8.
     #[error("the path of the model is not UTF-8")]
@@ -57,11 +58,9 @@ pub enum Failure {
     /// The tracker refuses.
     #[error(transparent)]
     Track(#[from] TrackError),
-    /// The process was forked after the tracker had started its threads.
-    #[error(
-        "the process was forked after this tracker was made: make a new one in the child, or use one thread"
-    )]
-    Forked,
+    /// The tracker cannot be used any more.
+    #[error(transparent)]
+    Shared(#[from] SharedError),
     /// A defect of this library.
     #[error("a defect in track-cpu: {0}")]
     Panic(String),
@@ -80,8 +79,8 @@ impl Failure {
             Failure::Model(_) | Failure::Presence(_) => 2,
             Failure::Frame(_) => 3,
             Failure::Track(_) => 4,
-            Failure::Panic(_) => 5,
-            Failure::Forked => 6,
+            Failure::Panic(_) | Failure::Shared(SharedError::Poisoned) => 5,
+            Failure::Shared(SharedError::Forked) => 6,
         }
     }
 }

@@ -23,15 +23,12 @@ mod flight;
 use failure::{Failure, guarded};
 use std::ffi::{CStr, c_char};
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, TryLockError};
 use std::time::Duration;
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
+use track_cpu::shared::Shared;
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker, TrackerOptions};
 
 pub use flight::{track_cpu_candidate, track_cpu_flight_options, track_cpu_flight_track};
-
-/// Largest number of threads of one tracker.
-const MAX_THREADS: u32 = 256;
 
 /// A box in pixels: left, top, width, height.
 #[repr(C)]
@@ -68,10 +65,7 @@ pub struct track_cpu_image {
 /// A tracker; C knows it by its address only.
 #[allow(non_camel_case_types)]
 pub struct track_cpu_tracker {
-    target: Mutex<Target>,
-    /// The process that started the tracker's threads.
-    process: u32,
-    threads: u32,
+    target: Shared<Target>,
 }
 
 /// The tracker and what it last said; one call at a time uses them.
@@ -84,29 +78,6 @@ struct Target {
 enum Mode {
     Plain(Box<Tracker>),
     Flight(Box<FlightTracker>),
-}
-
-impl track_cpu_tracker {
-    /// Waits until no other thread uses the tracker.
-    fn lock(&self) -> Result<MutexGuard<'_, Target>, Failure> {
-        let poisoned = || Failure::Panic("an earlier call on this tracker ended in one".into());
-        if self.is_forked() {
-            if self.threads > 1 {
-                return Err(Failure::Forked);
-            }
-            // The thread that held the lock during the fork does not exist here, so nobody would
-            // ever release it.
-            return self.target.try_lock().map_err(|error| match error {
-                TryLockError::WouldBlock => Failure::Forked,
-                TryLockError::Poisoned(_) => poisoned(),
-            });
-        }
-        self.target.lock().map_err(|_| poisoned())
-    }
-
-    fn is_forked(&self) -> bool {
-        self.process != std::process::id()
-    }
 }
 
 /// Makes a tracker from a weights file or the built-in model of that name, or from the standard
@@ -187,10 +158,11 @@ pub unsafe extern "C" fn track_cpu_flight_defaults(out: *mut track_cpu_flight_op
 /// # Safety
 /// `path` is null or a string that ends in 0.
 unsafe fn model(path: *const c_char, threads: u32) -> Result<Model, Failure> {
-    if !(1..=MAX_THREADS).contains(&threads) {
+    let most = TrackerOptions::MAX_THREADS;
+    if !(1..=most).contains(&(threads as usize)) {
         return Err(Failure::Threads {
             found: threads,
-            most: MAX_THREADS,
+            most,
         });
     }
     let name = if path.is_null() {
@@ -207,9 +179,7 @@ unsafe fn model(path: *const c_char, threads: u32) -> Result<Model, Failure> {
 fn made(tracker: Mode, threads: u32) -> *mut track_cpu_tracker {
     let score = 0.0;
     Box::into_raw(Box::new(track_cpu_tracker {
-        target: Mutex::new(Target { tracker, score }),
-        process: std::process::id(),
-        threads,
+        target: Shared::new(Target { tracker, score }, threads as usize),
     }))
 }
 
@@ -234,7 +204,7 @@ pub unsafe extern "C" fn track_cpu_init(
         let target = unsafe { target.as_ref() }.ok_or(Failure::Null("target"))?;
         // SAFETY: the caller promises that the picture's bytes may be read.
         let frame = unsafe { frame(image) }?;
-        let mut held = tracker.lock()?;
+        let mut held = tracker.target.lock()?;
         let bbox = BBox::new(target.x, target.y, target.w, target.h);
         match &mut held.tracker {
             Mode::Plain(tracker) => tracker.init(&frame, bbox)?,
@@ -265,7 +235,7 @@ pub unsafe extern "C" fn track_cpu_update(
         let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
         // SAFETY: the caller promises that the picture's bytes may be read.
         let frame = unsafe { frame(image) }?;
-        let mut held = tracker.lock()?;
+        let mut held = tracker.target.lock()?;
         let (bbox, score) = match &mut held.tracker {
             Mode::Plain(tracker) => {
                 let track = tracker.update(&frame)?;
@@ -318,7 +288,7 @@ pub unsafe extern "C" fn track_cpu_update_flight(
         } else {
             Budget::Deadline(deadline)
         };
-        let mut held = tracker.lock()?;
+        let mut held = tracker.target.lock()?;
         let Mode::Flight(flying) = &mut held.tracker else {
             return Err(Failure::Mode);
         };
@@ -354,7 +324,7 @@ pub unsafe extern "C" fn track_cpu_candidates(
         if candidates.is_null() {
             return Err(Failure::Null("candidates"));
         }
-        let held = tracker.lock()?;
+        let held = tracker.target.lock()?;
         let Mode::Flight(flying) = &held.tracker else {
             return Err(Failure::Mode);
         };
@@ -382,7 +352,7 @@ pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out:
         let tracker = unsafe { tracker.as_ref() }.ok_or(Failure::Null("tracker"))?;
         // SAFETY: the caller promises that it is null or may be written to.
         let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
-        *out = tracker.lock()?.score;
+        *out = tracker.target.lock()?.score;
         Ok(())
     })
 }
@@ -397,11 +367,7 @@ pub unsafe extern "C" fn track_cpu_destroy(tracker: *mut track_cpu_tracker) {
         if !tracker.is_null() {
             // SAFETY: it came out of `Box::into_raw`, and the caller promises that this happens
             // once.
-            let tracker = unsafe { Box::from_raw(tracker) };
-            if tracker.is_forked() {
-                // Its threads cannot be joined: they exist in the parent only.
-                std::mem::forget(tracker);
-            }
+            drop(unsafe { Box::from_raw(tracker) });
         }
         Ok(())
     });
