@@ -38,7 +38,7 @@ use crate::bbox::{BBox, FrameBox};
 use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
-use crate::tracker::{SearchRegion, Track, Tracker, TrackerOptions};
+use crate::tracker::{Extent, SearchRegion, Track, Tracker, TrackerOptions};
 use camera::{CameraMotion, Motion};
 use evidence::Finding;
 use judge::Judge;
@@ -293,7 +293,7 @@ impl FlightTracker {
             target.motion.resize(&verdict.bbox);
         }
         if let Some(finding) = &sight.finding
-            && self.takes_back(finding, &verdict.bbox, target)
+            && self.takes_back(finding, verdict, target)
         {
             return;
         }
@@ -308,13 +308,15 @@ impl FlightTracker {
         self.learn(frame, sight, verdict, target);
     }
 
-    /// Takes the last re-acquisition back if what was found moves as the target never would have;
-    /// returns whether it does.
-    fn takes_back(&mut self, finding: &Finding, bbox: &FrameBox, target: &mut Target) -> bool {
+    /// Takes the last re-acquisition back if what was found is doubted and moves as the target
+    /// never would have; returns whether it does. One frame's odd motion alone refutes nothing.
+    fn takes_back(&mut self, finding: &Finding, verdict: &Verdict, target: &mut Target) -> bool {
         let Some(before) = target.on_probation() else {
             return false;
         };
-        let refuted = self.judge.again_odds(finding) + before.log_ratio(bbox) < REFUTED;
+        let bbox = &verdict.bbox;
+        let log_odds = self.judge.again_odds(finding) + before.log_ratio(bbox);
+        let refuted = verdict.presence < f64::from(BELIEVED) && log_odds < REFUTED;
         if refuted {
             self.judge.rivals.meet(bbox);
             self.decide(Sighting::Impossible, target);
@@ -486,7 +488,8 @@ impl FlightTracker {
         frame: &Frame<'_>,
         around: BBox,
     ) -> Result<Option<(BBox, Evidence)>, TrackError> {
-        self.tracker.look(frame, around.center(), 1.0, 0.0)?;
+        self.tracker
+            .look(frame, around.center(), Extent::Full, 1.0, 0.0)?;
         let finding = self.judge.examine(&self.tracker, frame, None);
         Ok(finding.map(|finding| (finding.bbox.corner(), finding.evidence)))
     }

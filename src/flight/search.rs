@@ -16,12 +16,15 @@ use super::target::Target;
 use crate::bbox::FrameBox;
 use crate::error::TrackError;
 use crate::frame::Frame;
-use crate::tracker::Tracker;
+use crate::tracker::{Extent, Tracker};
 use std::time::{Duration, Instant};
 
-/// Share of the frame's side by which a search at zoom 1 is stepped in a sweep: cells cover 136 of
-/// 303 crop pixels.
-const TILE_SHARE: f64 = 120.0 / 303.0;
+/// What a look elsewhere takes in: a wide one shows three times the places of a full one.
+const ELSEWHERE: Extent = Extent::Wide;
+/// Work of such a look, in full ones.
+const ELSEWHERE_WORK: f64 = 1.7;
+/// Share of the side that a look covers by which looks are stepped in a sweep.
+const TILE_SHARE: f64 = 0.9;
 /// Seconds of coasting during which a surely similar object far away is another object.
 const SOON: f64 = 0.33;
 /// Least distance of such an object from the predicted place, in target sides.
@@ -107,25 +110,22 @@ impl Means<'_> {
     fn look(
         &mut self,
         around: FrameBox,
+        extent: Extent,
         zoom: f64,
         window_influence: f64,
         expected: bool,
     ) -> Result<Option<Finding>, TrackError> {
         self.tracker
-            .look(self.frame, around, zoom, window_influence)?;
+            .look(self.frame, around, extent, zoom, window_influence)?;
         let expected = expected.then_some(self.target);
         let finding = self.judge.examine(self.tracker, self.frame, expected);
         self.judge.recognize(self.target, false);
         Ok(finding)
     }
 
-    /// Frame pixels that one search covers for a target of this size.
+    /// Frame pixels by which looks elsewhere are stepped for a target of this size.
     fn tile_side(&self, size: &FrameBox) -> f64 {
-        let architecture = self.tracker.model().architecture();
-        let context = self.options.config.context_amount;
-        let template = architecture.template_size;
-        let scale = crate::crop::scale(size.w.into(), size.h.into(), context, template);
-        TILE_SHARE * architecture.search_size as f64 / scale
+        TILE_SHARE * self.tracker.covered_side(size, ELSEWHERE)
     }
 }
 
@@ -281,6 +281,7 @@ impl Search {
         self.frames = self.frames.wrapping_add(1);
         while allowance.affords(self.cost) {
             let began = Instant::now();
+            let mut work = 1.0; // in full looks
             let coasts = means.standing.state == State::Coasting;
             let is_due = coasts || self.frames.is_multiple_of(AHEAD_EVERY);
             let is_doubtful = self.tentative.is_none_or(|place| place.confirmed == 0);
@@ -299,12 +300,15 @@ impl Search {
                     allowance.spend();
                     return Ok(outcome);
                 }
-            } else {
+            } else if allowance.affords(self.cost.mul_f64(ELSEWHERE_WORK)) {
+                work = ELSEWHERE_WORK;
                 self.takes_lead = true;
                 self.look_elsewhere(means)?;
+            } else {
+                break;
             }
             allowance.spend();
-            self.cost = (3 * self.cost + began.elapsed()) / 4;
+            self.cost = (3 * self.cost + began.elapsed().div_f64(work)) / 4;
         }
         Ok(outcome)
     }
@@ -314,7 +318,7 @@ impl Search {
     fn look_ahead(&mut self, means: &mut Means<'_>) -> Result<Ahead, TrackError> {
         let predicted = means.predicted();
         let window_influence = means.options.config.window_influence;
-        means.look(predicted, 1.0, window_influence, true)?;
+        means.look(predicted, Extent::Full, 1.0, window_influence, true)?;
         let Some((log_odds, finding)) = likeliest(means) else {
             return Ok(Ahead::default());
         };
@@ -364,7 +368,7 @@ impl Search {
             bbox: around,
             age: 0.0,
         });
-        means.look(around, zoom, 0.0, false)?;
+        means.look(around, ELSEWHERE, zoom, 0.0, false)?;
         for i in 0..means.judge.findings().len() {
             let finding = means.judge.findings()[i];
             suspect(means, &finding);

@@ -29,11 +29,12 @@ use correction::Correction;
 use crop::{Cropper, Placement, Region};
 use filter::OnlineFilter;
 use kernels::par::{Cores, Threads};
-use view::{Extent, Views};
+use view::Views;
 
 #[cfg(test)]
 pub(crate) use crop::CropSize;
 pub(crate) use select::{Choice, Selector};
+pub(crate) use view::Extent;
 
 /// Follows one object from frame to frame.
 ///
@@ -401,11 +402,13 @@ impl Tracker {
     /// Searches around another box than the target's; the target stays where it is.
     ///
     /// The target is expected to have the size of `around`. The region is `zoom` times as wide as
-    /// usual. `window_influence` is as in [`TrackConfig`]: 0 prefers no part of the region.
+    /// usual for its extent. `window_influence` is as in [`TrackConfig`]: 0 prefers no part of the
+    /// region.
     pub(crate) fn look(
         &mut self,
         frame: &Frame<'_>,
         around: FrameBox,
+        extent: Extent,
         zoom: f64,
         window_influence: f64,
     ) -> Result<Seen, TrackError> {
@@ -416,7 +419,17 @@ impl Tracker {
             window_influence,
             ..self.config
         };
-        Ok(self.search(frame, &target, zoom, Extent::Full, &config))
+        Ok(self.search(frame, &target, zoom, extent, &config))
+    }
+
+    /// Side of the square in which a look of this extent finds the center of a target of this size,
+    /// in frame pixels.
+    pub(crate) fn covered_side(&self, size: &FrameBox, extent: Extent) -> f64 {
+        let template = self.model().architecture().template_size;
+        let context = self.config.context_amount;
+        let scale = crop::scale(size.w.into(), size.h.into(), context, template);
+        let cells = self.views.of(extent).selector.side();
+        (cells * weights_format::Architecture::TOTAL_STRIDE) as f64 / scale
     }
 
     /// One search: crop, network, filter, and the best cell for a target that is expected at its
