@@ -98,7 +98,7 @@ pub struct RunArgs {
     /// its work.
     #[arg(short, long, value_name = "FILE", conflicts_with = "tracker")]
     pub model: Option<PathBuf>,
-    /// What the tracker is called [default: the model's name, or the program's].
+    /// What the tracker is called [default: track-cpu, or the program's name].
     #[arg(short, long)]
     pub name: Option<String>,
     /// Sequences that run at a time [default: one per core]. Times are worth quoting with 1 only.

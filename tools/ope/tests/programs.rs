@@ -175,7 +175,7 @@ fn flights_are_rendered_tracked_and_scored() {
     let score = [
         "score",
         "--results",
-        "out/folder/drmim-p50",
+        "out/folder/track-cpu",
         "--json",
         "--convention",
         "otb",

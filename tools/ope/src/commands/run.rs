@@ -21,7 +21,10 @@ pub fn run(args: &RunArgs) -> Result<(), Error> {
     eprint!("{notes}");
     let (runner, origin, name) = match &args.tracker {
         Some(program) => program_runner(args, program),
-        None => model_runner(args)?,
+        None => {
+            let (runner, origin) = model_runner(args)?;
+            (runner, origin, "track-cpu".to_owned())
+        }
     };
     let name = super::folder_name(args.name.as_ref().unwrap_or(&name))?;
     let folder = args.out.join(dataset.name()).join(name);
@@ -58,8 +61,8 @@ fn program_runner(args: &RunArgs, program: &Program) -> (Runner, Origin, String)
     (runner, origin, program.line.name())
 }
 
-/// This repository's tracker, what it is known by, and the name of its results: the model's.
-fn model_runner(args: &RunArgs) -> Result<(Runner, Origin, String), Error> {
+/// This repository's tracker, and what it is known by.
+fn model_runner(args: &RunArgs) -> Result<(Runner, Origin), Error> {
     let weights = Model::find(args.model.as_deref())?;
     let bytes = weights
         .to_bytes()
@@ -74,9 +77,7 @@ fn model_runner(args: &RunArgs) -> Result<(Runner, Origin, String), Error> {
         precision: model.precision().name().to_owned(),
         isa: model.isa().name().to_owned(),
     };
-    let name = file.file_stem().unwrap_or_default();
-    let name = name.to_string_lossy().into_owned();
-    Ok((Runner::Builtin(model, args.on_bad_frame), origin, name))
+    Ok((Runner::Builtin(model, args.on_bad_frame), origin))
 }
 
 /// Makes one folder of several.
