@@ -8,6 +8,7 @@ Each check prints a line, and a client that is not installed is skipped; the exi
 check fails. A ground station of pymavlink is in ground_station.py, a browser in web_page.py, and
 faults.py has both in bad weather.
 """
+
 import argparse
 import http.client
 import json
@@ -70,7 +71,9 @@ def until(ask, seconds=20):
 
 def autopilot(port, mavutil):
     """The heartbeat without which MAVSDK takes no system for a vehicle."""
-    link = mavutil.mavlink_connection(f"udpout:127.0.0.1:{port}", source_system=1, source_component=1)
+    link = mavutil.mavlink_connection(
+        f"udpout:127.0.0.1:{port}", source_system=1, source_component=1
+    )
 
     def beat():
         while True:
@@ -97,7 +100,9 @@ def mavsdk(program):
         sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
         sdk.add_any_connection(f"udpin://127.0.0.1:{port}")
         system = until(lambda: next((s for s in sdk.get_systems() if s.has_camera()), None))
-        check(f"MAVSDK {'allowed' if allowed else 'by default'}: finds a camera", system is not None)
+        check(
+            f"MAVSDK {'allowed' if allowed else 'by default'}: finds a camera", system is not None
+        )
         if system is None:
             running.end()
             continue
@@ -120,7 +125,10 @@ def mavsdk(program):
             check(f"MAVSDK allowed: track_stop is {result}", result == "accepted")
             check("MAVSDK allowed: nothing is said", not named)
         else:
-            check(f"MAVSDK by default: track_rectangle is {result[:60]}", result != "accepted" and "TIMEOUT" not in result.upper())
+            check(
+                f"MAVSDK by default: track_rectangle is {result[:60]}",
+                result != "accepted" and "TIMEOUT" not in result.upper(),
+            )
             command(camera.track_stop, 100)
             check(f"MAVSDK by default: said once: {named[:1]}", len(named) == 1)
         check("MAVSDK: the program ends", running.end() == 0)
@@ -128,23 +136,42 @@ def mavsdk(program):
 
 def mavproxy(program):
     """MAVProxy's module `camera`, by its command line."""
-    executable = shutil.which("mavproxy.py") or os.path.join(os.path.dirname(sys.executable), "mavproxy.py")
+    executable = shutil.which("mavproxy.py") or os.path.join(
+        os.path.dirname(sys.executable), "mavproxy.py"
+    )
     if not os.path.exists(executable):
         print("skipped: MAVProxy is not installed")
         return
     port = free_port(socket.SOCK_DGRAM)
-    running = Program(program, "--mavlink", f"udpout:127.0.0.1:{port}", "--video-uri", "rtsp://127.0.0.1:8554/main")
-    command = [sys.executable, executable, f"--master=udpin:127.0.0.1:{port}", "--nowait", "--default-modules=camera"]
+    running = Program(
+        program,
+        "--mavlink",
+        f"udpout:127.0.0.1:{port}",
+        "--video-uri",
+        "rtsp://127.0.0.1:8554/main",
+    )
+    command = [
+        sys.executable,
+        executable,
+        f"--master=udpin:127.0.0.1:{port}",
+        "--nowait",
+        "--default-modules=camera",
+    ]
     pipe = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     proxy = subprocess.Popen(command, cwd=tempfile.mkdtemp(), **pipe)
     words = []
-    threading.Thread(target=lambda: [words.append(line.decode(errors="replace")) for line in proxy.stdout], daemon=True).start()
+    threading.Thread(
+        target=lambda: [words.append(line.decode(errors="replace")) for line in proxy.stdout],
+        daemon=True,
+    ).start()
 
     def listed():
         proxy.stdin.write(b"camera status\ncamera streams\n")
         proxy.stdin.flush()
         time.sleep(2)
-        return next((line.strip() for line in words if "track-cpu" in line and "streams=1" in line), None)
+        return next(
+            (line.strip() for line in words if "track-cpu" in line and "streams=1" in line), None
+        )
 
     found = until(listed, 40)
     check(f"MAVProxy lists the camera: {found}", found is not None)
@@ -190,18 +217,26 @@ def page(program):
         status = site.ask("GET", path, {"Host": "evil.example"})[0]
         check(f"page: {path} under another site's name is refused ({status})", status == 421)
     status, headers, _ = site.ask("GET", "/state")
-    check("page: no other site may embed it", headers.get("Cross-Origin-Resource-Policy") == "same-origin")
+    check(
+        "page: no other site may embed it",
+        headers.get("Cross-Origin-Resource-Policy") == "same-origin",
+    )
     check("page: no other site may read it", headers.get("Access-Control-Allow-Origin") is None)
 
     held = []
     for index in range(VIEWERS):
         viewer = socket.create_connection(("127.0.0.1", port), 5)
-        viewer.sendall(f"GET {['/video', '/events'][index % 2]} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+        viewer.sendall(
+            f"GET {['/video', '/events'][index % 2]} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()
+        )
         held.append(viewer)  # never reads
     before = site.frame()
     time.sleep(3)
     after = site.frame()
-    check(f"page: {VIEWERS} viewers that never read hold up nothing ({after - before} frames in 3 s)", after - before >= 15)
+    check(
+        f"page: {VIEWERS} viewers that never read hold up nothing ({after - before} frames in 3 s)",
+        after - before >= 15,
+    )
     check("page: Stop gets through them", site.stop() == 202)
     for viewer in held:
         viewer.close()
@@ -226,12 +261,17 @@ def page(program):
         answers.append(site.stop() == 202)
         times.append(time.time() - began)
         time.sleep(0.2)
-    check(f"page: Stop gets through {SLOW} slow connections, {sum(answers)} of {len(answers)}, at most {max(times):.2f} s", all(answers))
+    check(
+        f"page: Stop gets through {SLOW} slow connections, {sum(answers)} of {len(answers)}, at most {max(times):.2f} s",
+        all(answers),
+    )
     check("page: the program ends", running.end() == 0)
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Other people's clients against `track-cpu serve`.")
+    parser = argparse.ArgumentParser(
+        description="Other people's clients against `track-cpu serve`."
+    )
     parser.add_argument("program", nargs="?", default="target/release/track-cpu")
     args = parser.parse_args()
     page(args.program)

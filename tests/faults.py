@@ -10,6 +10,7 @@ moves. A ground station listens over MAVLink. Without --soak every fault is trie
 table is printed as Markdown. A soak tries one fault a minute, and prints the ages of reports,
 memory, threads and open files. The exit code is 1 if anything is not as it should be.
 """
+
 import argparse
 import collections
 import http.client
@@ -70,19 +71,45 @@ def frames(width=WIDTH, height=HEIGHT):
     chance = random.Random(7)
     ground = bytearray()
     for _ in range(HEIGHT // 10):
-        row = b"".join(bytes(chance.randrange(70, 140) for _ in range(3)) * 10 for _ in range(WIDTH // 10))
+        row = b"".join(
+            bytes(chance.randrange(70, 140) for _ in range(3)) * 10 for _ in range(WIDTH // 10)
+        )
         ground += row * 10
     raw = bytearray()
     for index in range(LOOP):
         picture = bytearray(ground)
         x, y = place(index)
         for j in range(SIDE):
-            line = b"".join((b"\xf0\x20\x20" if (i // 9 + j // 7) % 2 else b"\x10\xe0\xf0") for i in range(SIDE))
+            line = b"".join(
+                (b"\xf0\x20\x20" if (i // 9 + j // 7) % 2 else b"\x10\xe0\xf0") for i in range(SIDE)
+            )
             at = 3 * ((y + j) * WIDTH + x)
             picture[at : at + len(line)] = line
         raw += picture
-    command = ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{WIDTH}x{HEIGHT}", "-i", "-"]
-    command += ["-vf", f"scale={width}:{height}", "-q:v", "4", "-f", "image2pipe", "-c:v", "mjpeg", "-"]
+    command = [
+        "ffmpeg",
+        "-v",
+        "error",
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-s",
+        f"{WIDTH}x{HEIGHT}",
+        "-i",
+        "-",
+    ]
+    command += [
+        "-vf",
+        f"scale={width}:{height}",
+        "-q:v",
+        "4",
+        "-f",
+        "image2pipe",
+        "-c:v",
+        "mjpeg",
+        "-",
+    ]
     stream = subprocess.run(command, input=bytes(raw), stdout=subprocess.PIPE, check=True).stdout
     return [b"\xff\xd8\xff" + part for part in stream.split(b"\xff\xd8\xff")[1:]]
 
@@ -128,7 +155,10 @@ class Camera:
             picture = (self.small if self.mode == "small" else self.normal)[self.index % LOOP]
             if self.mode == "repeated":
                 picture = self.normal[0]
-            part = b"--f\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\n" % (len(picture), picture)
+            part = b"--f\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\n" % (
+                len(picture),
+                picture,
+            )
             if self.mode == "garbage":
                 part = os.urandom(len(part))
             if self.mode == "damaged":
@@ -149,26 +179,51 @@ class Rig:
 
     def __init__(self, program, camera, *options):
         self.camera, self.folder = camera, tempfile.mkdtemp(prefix="faults-")
-        self.is_mounted = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", self.folder], stderr=subprocess.DEVNULL
-        ).returncode == 0
-        self.gcs, self.page, self.second = free_port(), free_port(socket.SOCK_STREAM), free_port(socket.SOCK_STREAM)
+        self.is_mounted = (
+            subprocess.run(
+                ["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", self.folder],
+                stderr=subprocess.DEVNULL,
+            ).returncode
+            == 0
+        )
+        self.gcs, self.page, self.second = (
+            free_port(),
+            free_port(socket.SOCK_STREAM),
+            free_port(socket.SOCK_STREAM),
+        )
         self.command = [program, "serve", "--input", f"http://127.0.0.1:{camera.port}/"]
-        self.command += ["--max-age-ms", str(int(MAX_AGE * 1000)), "--stall-ms", str(int(STALL * 1000))]
+        self.command += [
+            "--max-age-ms",
+            str(int(MAX_AGE * 1000)),
+            "--stall-ms",
+            str(int(STALL * 1000)),
+        ]
         self.command += ["--mavlink", f"udpout:127.0.0.1:{self.gcs}", "--gimbal", "--hfov", "62"]
         self.command += ["--mavlink", f"tcpout:127.0.0.1:{self.second}"]
         self.command += ["--http", f"127.0.0.1:{self.page}", "--token", TOKEN]
-        self.command += ["--log", os.path.join(self.folder, "f.jsonl"), "--log-size", "1", "--log-total", "8", *options]
+        self.command += [
+            "--log",
+            os.path.join(self.folder, "f.jsonl"),
+            "--log-size",
+            "1",
+            "--log-total",
+            "8",
+            *options,
+        ]
         self.heard = collections.deque(maxlen=200_000)  # (time, kind, value)
         self.said, self.ages, self.withheld = collections.deque(maxlen=2000), [], 0
         self.lock, self.tracked = threading.Lock(), 0
         self.router = Router(self.second)
-        self.link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{self.gcs}", source_system=255, source_component=190)
+        self.link = mavutil.mavlink_connection(
+            f"udpin:127.0.0.1:{self.gcs}", source_system=255, source_component=190
+        )
         self.start()
         threading.Thread(target=self.listen, daemon=True).start()
 
     def start(self):
-        self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.process = subprocess.Popen(
+            self.command, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
         threading.Thread(target=self.read_lines, args=(self.process.stdout,), daemon=True).start()
         threading.Thread(target=self.read_words, args=(self.process.stderr,), daemon=True).start()
 
@@ -207,7 +262,9 @@ class Rig:
                 self.note("rates", (message.pitch_rate, message.yaw_rate))
             elif kind == "HEARTBEAT":
                 self.note("beat", message.system_status)
-            elif kind == "COMMAND_LONG" and message.command == M.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE:
+            elif (
+                kind == "COMMAND_LONG" and message.command == M.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
+            ):
                 self.note("control", message.param1)
             elif kind == "COMMAND_ACK":
                 self.note("ack", (message.command, message.result))
@@ -230,11 +287,17 @@ class Rig:
 
     def last(self, start, kind, holds):
         """Seconds from `start` until the last event of a kind that holds."""
-        times = [at - start for at, what, value in list(self.heard) if at >= start and what == kind and holds(value)]
+        times = [
+            at - start
+            for at, what, value in list(self.heard)
+            if at >= start and what == kind and holds(value)
+        ]
         return times[-1] if times else None
 
     def command_long(self, command, *parameters):
-        self.link.mav.command_long_send(1, 100, command, 0, *(list(parameters) + [0] * (7 - len(parameters))))
+        self.link.mav.command_long_send(
+            1, 100, command, 0, *(list(parameters) + [0] * (7 - len(parameters)))
+        )
 
     def track(self):
         """Follows the target where it was a moment ago."""
@@ -265,7 +328,9 @@ class Rig:
             return 0
 
     def ffmpeg(self):
-        children = subprocess.run(["pgrep", "-P", str(self.process.pid)], stdout=subprocess.PIPE).stdout.split()
+        children = subprocess.run(
+            ["pgrep", "-P", str(self.process.pid)], stdout=subprocess.PIPE
+        ).stdout.split()
         return [int(pid) for pid in children]
 
     def figures(self):
@@ -425,7 +490,11 @@ class Silence:
             flush=True,
         )
         told = [stale, coasting, error, beat, rest, live, tracking, active, turns]
-        is_told = all(time_ is not None for time_ in told) and state.get("state") == "stale" and not state.get("box")
+        is_told = (
+            all(time_ is not None for time_ in told)
+            and state.get("state") == "stale"
+            and not state.get("box")
+        )
         check(f"{self.name}: said by every output", is_told)
         check(f"{self.name}: the gimbal rests within the stall time-out", (last_move or 0) < STALL)
 
@@ -440,16 +509,24 @@ class Nuisance:
         start = time.monotonic()
         told = self.during(rig)
         end = time.monotonic()
-        times = [at for at, what, value in list(rig.heard) if start <= at <= end and what == "line" and value.get("box")]
+        times = [
+            at
+            for at, what, value in list(rig.heard)
+            if start <= at <= end and what == "line" and value.get("box")
+        ]
         gap = max((b - a for a, b in zip(times, times[1:])), default=math.inf)
         said = rig.since(start, "said", lambda _: True)
-        words = [value for at, what, value in list(rig.heard) if start <= at <= end and what == "said"]
+        words = [
+            value for at, what, value in list(rig.heard) if start <= at <= end and what == "said"
+        ]
         print(
             f"| {self.name} | {seconds(said)} | {told or ''}; stderr: {'; '.join(words[:2]) or '-'} | ACTIVE "
             f"| goes on | longest time between two boxes {gap:.2f} s |",
             flush=True,
         )
-        check(f"{self.name}: tracking goes on ({len(times)} boxes)", gap < STALL and len(times) > 10)
+        check(
+            f"{self.name}: tracking goes on ({len(times)} boxes)", gap < STALL and len(times) > 10
+        )
 
 
 def set_mode(mode):
@@ -569,7 +646,10 @@ def begin(program, *options):
 def table(program, options):
     rig = begin(program, *options)
     time.sleep(2)
-    print("| fault | noticed | JSON, page, log | MAVLink | gimbal | recovery |\n|---|---|---|---|---|---|", flush=True)
+    print(
+        "| fault | noticed | JSON, page, log | MAVLink | gimbal | recovery |\n|---|---|---|---|---|---|",
+        flush=True,
+    )
     for fault in SILENCES + NUISANCES:
         fault.measure(rig)
         if rig.process.poll() is not None:
@@ -654,13 +734,25 @@ def soak(program, length, options):
         before = len(rig.ages)
         fault(rig)
         after = time.monotonic()
-        recovered = rig.wait(after, "line", lambda line: line["state"] == "tracking" and line.get("box"), 15)
+        recovered = rig.wait(
+            after, "line", lambda line: line["state"] == "tracking" and line.get("box"), 15
+        )
         if recovered is None:
             rig.track()
-            recovered = rig.wait(after, "line", lambda line: line["state"] == "tracking" and line.get("box"), 15)
+            recovered = rig.wait(
+                after, "line", lambda line: line["state"] == "tracking" and line.get("box"), 15
+            )
         # While no box is reported, nothing may move for longer than the stall time-out.
-        boxes = [at for at, what, value in list(rig.heard) if at >= minute and what == "line" and value.get("box")]
-        moves = [at for at, what, value in list(rig.heard) if at >= minute and what == "rates" and moving(value)]
+        boxes = [
+            at
+            for at, what, value in list(rig.heard)
+            if at >= minute and what == "line" and value.get("box")
+        ]
+        moves = [
+            at
+            for at, what, value in list(rig.heard)
+            if at >= minute and what == "rates" and moving(value)
+        ]
         for at in moves:
             # The first rate after a silence overtakes the line that it belongs to.
             earlier = [box for box in boxes if box <= at + 0.3]
@@ -684,15 +776,24 @@ def soak(program, length, options):
         f"        {faults} faults, {len(ages)} reports; age p50 {quantile(ages, 0.5):.0f} ms, p99 {quantile(ages, 0.99):.0f} ms, "
         f"at most {max(ages, default=0):.0f} ms; between faults p50 {quantile(calm, 0.5):.0f} ms, p99 {quantile(calm, 0.99):.0f} ms"
     )
-    check(f"no report is older than its time ({max(ages, default=0):.0f} ms)", max(ages, default=0) <= 1000 * MAX_AGE + 100)
-    check(f"no rate follows the last box by more than the stall time-out ({runaway:.2f} s)", runaway < STALL)
+    check(
+        f"no report is older than its time ({max(ages, default=0):.0f} ms)",
+        max(ages, default=0) <= 1000 * MAX_AGE + 100,
+    )
+    check(
+        f"no rate follows the last box by more than the stall time-out ({runaway:.2f} s)",
+        runaway < STALL,
+    )
     warm = rows[len(rows) // 5 :] or rows
     first, final = warm[: max(1, len(warm) // 4)], warm[-max(1, len(warm) // 4) :]
     mean = lambda part, column: sum(row[column] for row in part) / len(part)
     for column, name, slack in ((0, "MB", 2), (1, "threads", 2), (2, "files", 2)):
         a, b = mean(first, column), mean(final, column)
         check(f"flat: {a:.1f} {name}, in the end {b:.1f}", b <= 1.05 * a + slack)
-    size = sum(os.path.getsize(os.path.join(rig.folder, name)) for name in os.listdir(rig.folder)) / 2**20
+    size = (
+        sum(os.path.getsize(os.path.join(rig.folder, name)) for name in os.listdir(rig.folder))
+        / 2**20
+    )
     check(f"logs stay below their total ({size:.1f} of 8 MB)", size < 9.1)
     check("ends on SIGTERM", rig.end() == 0)
 
@@ -700,7 +801,9 @@ def soak(program, length, options):
 def main():
     parser = argparse.ArgumentParser(description="Faults in front of `track-cpu serve`.")
     parser.add_argument("program", nargs="?", default="target/release/track-cpu")
-    parser.add_argument("--soak", type=float, metavar="SECONDS", help="one fault a minute, for so long")
+    parser.add_argument(
+        "--soak", type=float, metavar="SECONDS", help="one fault a minute, for so long"
+    )
     parser.add_argument("--model", help="built-in model or weights file")
     args = parser.parse_args()
     options = ["--model", args.model] if args.model else []

@@ -52,7 +52,10 @@ longest() {
 mkdir -p work
 "$programs/seeds" work/seeds
 case ${1:-all} in
-    all) for target in weights checkpoint trax y4m mavlink http annotations commands; do fuzz "$target"; done ;;
+    all)
+        for target in weights checkpoint trax y4m mavlink http annotations commands; do
+            fuzz "$target"
+        done ;;
     keep) keep "$2" ;;
     *) fuzz "$1" ;;
 esac

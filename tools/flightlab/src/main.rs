@@ -7,7 +7,7 @@
 //! | `collect.rs` | evidence with the truth about it |
 //! | `calibrate.rs`, `fit.rs` | `calibrate`: logistic regression, smoothing, cross-validation |
 //! | `evaluate.rs` | `evaluate`: losses, returns, wrong targets |
-//! | `compare.rs`, `losses.rs` | `sequences`: plain and flight mode on real sequences; a page of losses |
+//! | `compare.rs`, `losses.rs` | `sequences`: plain and flight mode on real footage; a page of losses |
 //! | `measure.rs`, `plots.rs` | ROC and reliability: figures and plots |
 //! | `chance.rs` | random numbers |
 

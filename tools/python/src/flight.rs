@@ -24,7 +24,7 @@ const SEARCHES: u32 = 2;
 ///
 /// - fps: pictures per second, 1 to 1000, unless update is told the time; 30.
 /// - present: least presence at which the target counts as seen, 0 to 1; 0.5.
-/// - sure: least presence at which its motion is believed, 0 to 1; 0.8.
+/// - sure: least presence of a sure sight, which makes look-alikes beside it rivals, 0 to 1; 0.8.
 /// - absent: presence below which an empty look counts as absence, 0 to 1; 0.01.
 /// - patience: seconds without the target before its box is given up; 0.5.
 /// - coast: seconds of prediction before the target counts as lost; 1.0.
