@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::track_cpu_box;
-use track_cpu::flight::{Candidate, Conduct, FlightOptions, FlightTrack};
+use track_cpu::flight::{Candidate, Conduct, FlightOptions, FlightTrack, check_threshold};
 use track_cpu::{BBox, State};
 
 /// Searches per picture where no deadline is given.
@@ -102,20 +102,19 @@ impl track_cpu_flight_options {
         } else {
             Conduct::Recover
         };
-        let mut options = FlightOptions {
+        let options = FlightOptions {
+            present: self.present,
+            sure: self.sure,
+            absent: self.absent,
+            patience: self.patience,
+            coast: self.coast,
+            confirm: self.confirm,
             fps: self.fps,
             conduct,
             ..usual
         };
-        for (name, value) in [
-            ("present", self.present),
-            ("sure", self.sure),
-            ("absent", self.absent),
-            ("patience", self.patience),
-            ("coast", self.coast),
-            ("confirm", self.confirm.into()),
-        ] {
-            options.set(name, value)?;
+        for (name, value) in options.thresholds() {
+            check_threshold(name, value)?;
         }
         Ok(options)
     }
