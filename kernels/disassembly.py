@@ -26,7 +26,7 @@ RELOCATION = re.compile(r"^\s+[0-9a-f]+: R_\w+\s+(.*)$")
 
 def build():
     """Returns the library, built with symbols that name type parameters."""
-    command = ["cargo", "rustc", "--release", "--locked", "-p", "kernels", "--lib"]
+    command = ["cargo", "rustc", "--release", "--locked", "-p", "track-cpu-kernels", "--lib"]
     command += ["--message-format=json", "--", "-C", "symbol-mangling-version=v0"]
     output = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     messages = map(json.loads, output.splitlines())
