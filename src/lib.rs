@@ -4,7 +4,7 @@
 //! the target, coasts through occlusions and finds a lost target again.
 //!
 //! ```
-//! use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, TrackError, Tracker};
+//! use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let pixels = vec![128; 320 * 240 * 3];

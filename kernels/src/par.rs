@@ -273,7 +273,7 @@ impl OutputPart<'_> {
 }
 
 impl Threads {
-    /// Splits `out` into tiles, as many for each thread, and calls `work` for each thread's. Call
+    /// Splits `out` into tiles, equally many per thread, and calls `work` with each thread's. Call
     /// within [`enter`](Self::enter).
     ///
     /// Small maps have only a few rows of tiles: whole ones per thread would be uneven.

@@ -79,8 +79,8 @@ pub fn max_pool_bytes(
     })
 }
 
-/// Splits the output's rows over the threads; `pool` computes some of them, from a number on.
-/// Returns the output's size.
+/// Splits the output's rows over the threads, of which each calls `pool(first_row, rows)`. Returns
+/// the output's size.
 fn over_rows<T: Send + Sync>(
     threads: &Threads,
     input: &[T],

@@ -1,5 +1,4 @@
-//! Every kernel as naive loops in `f64`: the oracle of the tests. It follows the formulas, and is
-//! slow.
+//! Every kernel as naive loops in `f64`, straight from its formula: the oracle of the tests.
 
 use crate::Size;
 use crate::conv::ConvShape;

@@ -113,7 +113,7 @@ pub fn resample(
     });
 }
 
-/// Values after a blended row: four are read per pixel, whatever it has.
+/// Values after a blended row: a sample reads four per pixel, even of pixels with fewer channels.
 const SLACK: usize = 3;
 
 /// Output rows between the prefetch of source rows and their use: frames come from memory.

@@ -93,7 +93,7 @@ impl Algorithm {
         }
     }
 
-    /// This algorithm if there is code of it for `shape`, else [`Algorithm::Direct`].
+    /// This algorithm if it supports `shape`, else [`Algorithm::Direct`].
     pub fn supported(self, shape: &ConvShape) -> Algorithm {
         match self {
             Algorithm::Winograd { points, arithmetic }
@@ -159,7 +159,7 @@ impl Algorithm {
     fn cost(self, speed: u64, shape: &ConvShape, size: Size) -> u64 {
         const POINT: u64 = 8; // to transform one input point of a tile, per channel
         const OUTPUT: u64 = 32; // to transform one output of a tile, per channel
-        const WEIGHT: u64 = 4; // to read or to make one transformed weight
+        const WEIGHT: u64 = 4; // to read or to compute one transformed weight
         let out = shape.out_size(size);
         let points = match self {
             Algorithm::Direct | Algorithm::Im2col => return shape.macs(size),
@@ -181,7 +181,7 @@ impl Algorithm {
         // Few input channels leave registers free to do half of the transforms there.
         let saved = if winograd::is_short(&shape) { 2 } else { 1 };
         let transforms = (points * POINT + outputs * OUTPUT) * channels / saved;
-        // Integers of 16 bits are also half as much to move, so that `speed` divides everything.
+        // 16-bit integers also halve the memory traffic, so `speed` divides the whole estimate.
         (tiles * (points * product + transforms) + points * WEIGHT * product) / speed
     }
 

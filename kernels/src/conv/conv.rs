@@ -169,8 +169,8 @@ impl Conv {
         )
     }
 
-    /// Does what [`run`](Self::run) does where the layer before hands over bytes or the layer after
-    /// takes them. The bits are the same as by way of `f32`.
+    /// Does what [`run`](Self::run) does, but may read bytes from the layer before and write bytes
+    /// for the layer after. The bits equal those of the way through `f32`.
     ///
     /// Panics as `run` does, and if an algorithm other than [`Algorithm::Int8`] gets bytes, or a
     /// padded layer does.

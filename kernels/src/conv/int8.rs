@@ -6,8 +6,8 @@
 //! s[o] = scale of weights[o] * scale of x,  z = zero-point of x
 //! ```
 //!
-//! Shapes: `u8 [H, W, Cin] -> f32 or u8 [H', W', Cout]`. Cost: a quarter of an instruction per
-//! product where the instruction set has a dot product of bytes. Source: Jacob et al.,
+//! Shapes: `u8 [H, W, Cin] -> f32 or u8 [H', W', Cout]`. Cost: a quarter of `direct.rs`'s
+//! instructions where the instruction set has a dot product of bytes. Source: Jacob et al.,
 //! "Quantization and training of neural networks for efficient integer-arithmetic-only inference",
 //! 2018.
 //!
@@ -132,7 +132,7 @@ pub(super) struct Int8<'a> {
 }
 
 impl Output<'_> {
-    /// Writes a vector of outputs from value `at` on, or the first `len` of it.
+    /// Writes a vector of outputs, or its first `len` values, at place `at`.
     #[inline(always)]
     fn write<S: Simd>(&mut self, simd: S, y: S::F32, at: usize, len: usize) {
         match self {
@@ -272,8 +272,8 @@ impl<'a> Tile<'a, '_> {
     ///     sums[i][v] = dot(x, w[v], sums[i][v])            GROUPS * VECTORS dot products
     /// ```
     ///
-    /// Takes the sums by value. The epilogue indexes them by variables; through a reference that
-    /// would keep them in memory here as well, and NEON would store them in every step.
+    /// `sums` goes by value: the epilogue indexes it by variables, so a reference would keep it in
+    /// memory here as well, and NEON would store it in every step.
     #[inline(always)]
     fn add<D: Dot, const GROUPS: usize, const VECTORS: usize>(
         &self,

@@ -88,7 +88,7 @@ impl Conv {
     }
 
     /// Convolves `input` (`[H, W, Cin]`), pools the result into `out` as [`pool::max_pool`] does,
-    /// and returns the size of `out`. The bits are the same as of one after the other.
+    /// and returns the size of `out`. The bits equal those of both one after the other.
     ///
     /// Panics as [`run_between`](Self::run_between) does, if the convolution has padding, or if
     /// `scratch` is shorter than [`pooled_scratch_len`](Self::pooled_scratch_len).

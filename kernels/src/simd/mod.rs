@@ -70,7 +70,7 @@ pub use portable::Portable;
 
 /// Largest magnitude that [`Simd::store_int16`] writes: 14 bits.
 ///
-/// The spare bit goes to the other factor of a product, before sums of products overflow.
+/// The spare bit lets the other factor of a product be twice as large before sums overflow.
 pub const MOST_INT16: i16 = (1 << 14) - 1;
 
 /// A computation whose body is compiled once per instruction set.

@@ -1,8 +1,8 @@
 //! Winograd's algorithm on 16-bit integers, for maps whose value range is known.
 //!
-//! Where the instruction set has it, a dot product of `i16` pairs takes half the time of two `f32`
-//! products, and half the memory. The factors are `V` and `U`, not inputs and weights, so each
-//! point has its own scale, and `U` has one per output channel as well:
+//! A dot product of `i16` pairs takes half the time of two `f32` products where the instruction set
+//! has one, and its factors half the memory. `V` and `U` are rounded, not inputs and weights, so
+//! each point has its own scale, and `U` has one per output channel as well:
 //!
 //! ```text
 //! V' = round(V * 16383 / bound)    bound: the largest |V| that inputs in the range can give
@@ -10,10 +10,10 @@
 //! M  = (sum over i of U' V') * s * bound / 16383
 //! ```
 //!
-//! Shapes and walk are those of `stored.rs` (`strips.rs`), with two input channels per step. Cost:
-//! half of it. Error, for normally distributed weights and rectified inputs of 128 channels: 0.3 %
-//! of the outputs' RMS with 6 points and 0.6 % with 8. Bytes have 1.4 to 1.8 %, and 10 points would
-//! have 4 %. Tests hold it below 0.4 and 1 %.
+//! Shapes and walk are those of `stored.rs` (`strips.rs`), with two input channels per step and at
+//! half the cost. Error, for normally distributed weights and rectified inputs of 128 channels:
+//! 0.3 % of the outputs' RMS with 6 points, 0.6 % with 8 (tests hold it below 0.4 and 1 %). Bytes
+//! err by 1.4 to 1.8 %; 10 points would err by 4 %.
 
 use super::super::ConvShape;
 use super::super::direct::blocks;
@@ -267,7 +267,7 @@ impl<const A: usize> DotKernel for Products<'_, A> {
     }
 }
 
-/// The same for one point and some groups of equal size.
+/// `M = V U` for one point and some groups of equal size.
 struct Groups<'a, const A: usize> {
     count: usize,
     v: &'a [Pair],

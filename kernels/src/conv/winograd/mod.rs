@@ -1,5 +1,5 @@
-//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1 and what
-//! `fold.rs` makes of others.
+//! Convolution with fewer multiplications: Winograd's F(m x m, k x k), for stride 1; `fold.rs`
+//! turns other strides into it.
 //!
 //! The basic idea is polynomial multiplication. An `m x m` tile of outputs depends on an `a x a`
 //! tile of inputs, `a = m + k - 1`. Inputs and kernel are polynomials; evaluated at `a` points (0,
@@ -21,9 +21,9 @@
 //! | 5 | 25 | | 4 (integers only) | 2.78 |
 //! | 6 | 36 | | | 4 |
 //!
-//! Sizes that no plan picks are left out: in `f32`, 10 points are fastest for 5x5 and 6x6 kernels
-//! at any number of channels. More points round more (1e-6 of the outputs' RMS for 8 points, 1e-5
-//! for 10) and waste more at the border.
+//! Only these sizes are compiled: in `f32`, 10 points are fastest for 5x5 and 6x6 kernels at any
+//! number of channels. More points round more (1e-6 of the outputs' RMS for 8 points, 1e-5 for 10)
+//! and waste more at the border.
 //!
 //! Sources: Lavin and Gray, "Fast algorithms for convolutional neural networks", 2016. The choice
 //! of points: Barabasz et al., "Error analysis and improving the accuracy of Winograd convolution
@@ -35,7 +35,7 @@
 //! | `transforms.rs` | `V = B^T d B` and `Y = A^T M A` of tiles |
 //! | `strips.rs` | the walk over a map, strip by strip, where `U` is stored |
 //! | `stored.rs` | products with a stored `U`: 5x5 and 6x6 kernels |
-//! | `on_the_fly.rs` | products with a `U` made where it is used: 3x3 kernels |
+//! | `on_the_fly.rs` | products with a `U` computed in each strip: 3x3 kernels |
 //! | `int16.rs` | products of 16-bit integers, `U` stored at half the size |
 //!
 //! Whether to store `U` is a question of bandwidth. A 3x3 kernel's `U` has 4 to 7 times as many
@@ -57,14 +57,12 @@ pub use points::{MAX_KERNEL, kernel_row, pairs, share};
 pub(super) use stored::is_short;
 pub use transforms::{AsIs, Lines, PointFormat, Steps, lines_len};
 
-/// Something to do that is compiled once per size of tiles: `A` points and `M` outputs along one
-/// side.
+/// Work that is compiled once per size of tiles: `A` points and `M` outputs along one side.
 trait TileTask {
     fn run<const A: usize, const M: usize>(self);
 }
 
-/// Defines lists of sizes, and for each a function that runs a [`TileTask`] with one of them as
-/// constants.
+/// Defines lists of sizes, each with a function that runs a [`TileTask`] for one of its sizes.
 macro_rules! sizes {
     ($($list:ident, $run:ident: $(($points:literal, $kernel:literal))*;)*) => {$(
         const $list: &[(usize, usize)] = &[$(($points, $kernel)),*];
@@ -79,15 +77,14 @@ macro_rules! sizes {
     )*};
 }
 
-// Every size that there is code for, (points, side of the kernel), by the form of the kernels.
-// `fits` asks these lists.
+// All compiled sizes, (points, side of the kernel), by the form of the kernels; `fits` reads them.
 sizes! {
     ON_THE_FLY, run_on_the_fly: (6, 3) (8, 3);
     STORED, run_stored: (10, 5) (10, 6);
     INT16, run_int16: (6, 3) (8, 3) (8, 5);
 }
 
-/// Whether there is code for `shape`, made one of stride 1.
+/// Whether `shape`, folded to stride 1, is among the compiled sizes.
 pub(super) fn fits(shape: &ConvShape, points: Points, arithmetic: Arithmetic) -> bool {
     let size = (points.count(), fold::unstrided(shape).kernel);
     match arithmetic {
@@ -275,15 +272,15 @@ fn pack(
 /// Values of a cache line.
 const LINE: usize = size_of::<Line>() / size_of::<f32>();
 
-/// Distance between the starts of runs of `values`: whole cache lines, and one more.
+/// Distance between the starts of runs of `values`: whole cache lines, plus one.
 ///
-/// A distance of a power of two would map the same place of every run to the same set of the cache.
+/// If it were a power of two, equal places of all runs would compete for one set of the cache.
 #[inline(always)]
 fn step(values: usize) -> usize {
     values.next_multiple_of(LINE) + LINE
 }
 
-/// `scratch` from its first start of a cache line on, so that no vector lies across two lines.
+/// `scratch` from its first cache line boundary on, so that no vector spans two lines.
 #[inline(always)]
 fn from_line(scratch: &mut [f32]) -> &mut [f32] {
     let start = scratch.as_ptr().align_offset(align_of::<Line>()).min(LINE);

@@ -1,10 +1,10 @@
-//! Winograd's algorithm for 3x3 kernels, with a `U` that is made where it is used.
+//! Winograd's algorithm for 3x3 kernels, whose `U` is computed in each strip and not stored.
 //!
 //! `U` has 4 to 7 times as many values as the kernels, and a small map uses each of them only a few
 //! times: reading them from memory would take longer than multiplying with them. So only kernels
-//! are read, one block of output channels at a time. For two rows of points, `q` and `-q`, they
-//! become lines (`G g`, three values per kernel), which stay in the L2 cache. From the lines `U`
-//! follows at one point after the other, with two operations per value:
+//! are read, one block of output channels at a time. They become lines (`G g`, three values per
+//! kernel) for two rows of points, `q` and `-q`, which stay in the L2 cache. The lines give `U`
+//! point by point, with two operations per value:
 //!
 //! ```text
 //! for each strip of tiles
@@ -21,15 +21,15 @@
 //!
 //! The tricks:
 //!
-//! - If one register tile takes all tiles of a strip, `U` is made in registers and never stored.
-//!   Otherwise it goes to the L1 cache, and is read once per group.
+//! - If one register tile holds all tiles of a strip, `U` stays in registers. Otherwise it goes to
+//!   the L1 cache, and is read once per group.
 //! - The register tile is long: one or two vectors of channels x as many tiles as there are
 //!   registers, so that each value of `U` is used as often as possible.
 //! - While one row is multiplied, the kernels of the next block are prefetched, a cache line per
 //!   input channel.
 //!
-//! Shapes: those of `mod.rs`, for `k = 3`. Cost: its products, and two operations per value of `U`
-//! and strip.
+//! Shapes: those of `mod.rs`, for `k = 3`. Cost: the products, plus two operations per value of `U`
+//! in each strip.
 //!
 //! Every thread transforms all kernels for its own rows. Sharing `V` instead, with each thread
 //! reading from another's cache, was slower.
@@ -385,7 +385,7 @@ trait Source: Copy {
     fn value<S: Simd>(self, simd: S, from: &[f32]) -> S::F32;
 }
 
-/// From `U` itself, made before.
+/// From `U` itself, computed before.
 #[derive(Clone, Copy)]
 struct FromU;
 
@@ -468,7 +468,7 @@ impl<const A: usize> Kernel for Row<'_, A> {
                 _ => None,
             };
             let at_once = tiles <= plan.group;
-            // Several groups share this point's U: make it once.
+            // Several groups share this point's U: compute it once.
             if end.is_none() && !at_once {
                 let values = lines.chunks_exact(step).zip(u.chunks_exact_mut(S::LANES));
                 values.for_each(|(line, u)| simd.store(from_lines.value(simd, line), u));

@@ -15,7 +15,7 @@
 //!   Y = A^T (M A), bias, ReLU
 //! ```
 //!
-//! Shapes: those of `mod.rs`, for `k = 5` and `k = 6`. Cost: its products, and one read of `U` per
+//! Shapes: those of `mod.rs`, for `k = 5` and `k = 6`. Cost: the products, plus one read of `U` per
 //! strip.
 //!
 //! The tricks:
@@ -64,14 +64,14 @@ impl StoredKernels {
     }
 }
 
-/// Input channels of a short product: an image's three, folded by a stride of two. A constant
-/// number leaves the hot loop nothing to do but products.
+/// Input channels of a short product: an image's three, folded by a stride of two. As a constant it
+/// leaves the hot loop nothing but products.
 const SHORT_CHANNELS: usize = 12;
 
 /// Points of a row of a short product.
 const SHORT_POINTS: usize = 10;
 
-/// Tiles of a short product: as many as 32 registers hold the sums of.
+/// Tiles of a short product: their sums just fit 32 registers.
 const SHORT_TILES: usize = 2;
 
 /// Whether a layer's products are short, where there are registers enough.
@@ -224,8 +224,8 @@ impl<S: Simd> TileTask for (ThreadPart<'_, StoredKernels>, S) {
                 } = kernels.layout;
                 let u = &kernels.u[(row * channels + first) * A * inputs..]
                     [..A * inputs * vectors * S::LANES];
-                // The condition on constants keeps the short products of instruction sets without
-                // the registers uncompiled.
+                // The constant condition leaves short products uncompiled where registers are too
+                // few.
                 if const { SHORT_TILES * A <= S::LONG_TILE.1 } && kernels.short {
                     simd.call(ShortProducts::<A, M> { strip, v, u, half });
                 } else {
@@ -289,7 +289,7 @@ impl<const A: usize> Kernel for Products<'_, A> {
     }
 }
 
-/// The same for one point and some groups of equal size.
+/// `M = V U` for one point and some groups of equal size.
 struct Groups<'a, const A: usize> {
     count: usize,
     v: &'a [f32],
@@ -363,7 +363,7 @@ impl<const A: usize, const M: usize> Kernel for ShortProducts<'_, A, M> {
     }
 }
 
-/// The same for one group of tiles.
+/// One group of tiles of [`ShortProducts`].
 struct ShortGroup<'a, const A: usize, const M: usize> {
     v: &'a [f32],
     u: &'a [f32],

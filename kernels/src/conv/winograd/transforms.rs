@@ -279,8 +279,8 @@ impl<const A: usize, const M: usize> Kernel for OutputTiles<'_, '_, A, M> {
         for (i, tile) in tiles.range.clone().enumerate() {
             let (band, column) = tiles.place(tile);
             let (rows, columns) = (M.min(height - band * M), M.min(width - column * M));
-            // Three copies: the usual case has one slice to write to, and a constant number of
-            // rows.
+            // Three calls, so that the usual case is compiled for one slice and a constant number
+            // of rows.
             match map.tile(band, column) {
                 TileRows::Whole(values, row_len) if rows == M => {
                     block.tile::<S, A, M>(simd, i, (M, columns), |y, at, value| {
