@@ -1,11 +1,11 @@
 /* Follows an object through headerless RGB frames and prints x,y,w,h,score for each.
  *
- *     cargo build --release -p capi
- *     cc tools/capi/examples/follow.c -Itools/capi/include -Ltarget/release -ltrack_cpu_c -o follow
- *     ffmpeg -i flight.mp4 -f rawvideo -pix_fmt rgb24 - |
- *         LD_LIBRARY_PATH=target/release ./follow 1280 720 300 120 40 24 */
+ *     tools/capi/install.sh ~/track-cpu
+ *     export PKG_CONFIG_PATH=~/track-cpu/lib/pkgconfig LD_LIBRARY_PATH=~/track-cpu/lib
+ *     cc tools/capi/examples/follow.c $(pkg-config --cflags --libs track_cpu) -o follow
+ *     ffmpeg -i flight.mp4 -f rawvideo -pix_fmt rgb24 - | ./follow 1280 720 300 120 40 24 */
 
-#include "track_cpu.h"
+#include <track_cpu.h>
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,11 +20,16 @@ int main(int count, char **arguments) {
         fprintf(stderr, "usage: %s WIDTH HEIGHT X Y W H < frames.rgb\n", arguments[0]);
         return 2;
     }
-    track_cpu_image image = {NULL, (uint32_t)atoi(arguments[1]), (uint32_t)atoi(arguments[2]), 0, TRACK_CPU_RGB};
-    track_cpu_box box = {strtof(arguments[3], NULL), strtof(arguments[4], NULL), strtof(arguments[5], NULL),
-                         strtof(arguments[6], NULL)};
+    track_cpu_image image = {NULL, (uint32_t)atoi(arguments[1]), (uint32_t)atoi(arguments[2]), 0,
+                             TRACK_CPU_RGB};
+    track_cpu_box box = {strtof(arguments[3], NULL), strtof(arguments[4], NULL),
+                         strtof(arguments[5], NULL), strtof(arguments[6], NULL)};
     size_t bytes = (size_t)image.width * image.height * 3;
     uint8_t *pixels = malloc(bytes);
+    if (bytes > 0 && !pixels) {
+        fprintf(stderr, "no memory for %zu bytes\n", bytes);
+        return 1;
+    }
     image.data = pixels;
 
     track_cpu_tracker *tracker;

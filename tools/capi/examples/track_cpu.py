@@ -30,6 +30,7 @@ import sys
 
 BGR, RGB, BGRA, RGBA, GRAY = range(5)
 _CHANNELS = {BGR: 3, RGB: 3, BGRA: 4, RGBA: 4, GRAY: 1}
+_MAX_SIDE = 32768
 
 
 class Error(Exception):
@@ -88,14 +89,17 @@ FlightTrack = collections.namedtuple("FlightTrack", "box score presence state be
 
 def _load():
     here = pathlib.Path(__file__).resolve().parent
-    name = {"darwin": "libtrack_cpu_c.dylib", "win32": "track_cpu_c.dll"}.get(sys.platform, "libtrack_cpu_c.so")
+    names = {"darwin": "libtrack_cpu_c.dylib", "win32": "track_cpu_c.dll"}
+    name = names.get(sys.platform, "libtrack_cpu_c.so")
     named = os.environ.get("TRACK_CPU_LIBRARY")
-    places = [pathlib.Path(named)] if named else [here / name, here.parents[2] / "target" / "release" / name]
+    built = here.parents[2] / "target" / "release" / name
+    places = [pathlib.Path(named)] if named else [here / name, built]
     for place in places:
         if place.exists():
             break
     else:
-        raise OSError("no " + " or ".join(map(str, places)) + "; `cargo build --release -p capi` makes it")
+        looked = " or ".join(map(str, places))
+        raise OSError(f"no {looked}; `cargo build --release -p capi` makes it")
     library = ctypes.CDLL(str(place))
     handle, image, box = ctypes.c_void_p, ctypes.POINTER(_Image), ctypes.POINTER(_Box)
     for function, arguments in [
@@ -148,7 +152,8 @@ def _image(frame, format):
         data, width, height = frame
         pixel = _CHANNELS[format]
         if len(data) < width * height * pixel:
-            raise ValueError(f"{len(data)} bytes, expected {width * height * pixel}: {width} x {height} x {pixel}")
+            expected = f"{width * height * pixel}: {width} x {height} x {pixel}"
+            raise ValueError(f"{len(data)} bytes, expected {expected}")
         kept = ctypes.c_char_p(bytes(data))
         return _Image(ctypes.cast(kept, ctypes.c_void_p), width, height, 0, format), kept
     array = getattr(frame, "__array_interface__", None)
@@ -159,7 +164,8 @@ def _image(frame, format):
     shape = array["shape"]
     strides = array.get("strides")
     if array["typestr"] != "|u1" or len(shape) not in (2, 3):
-        raise ValueError(f"an array of {array['typestr']} with shape {shape}, expected uint8 with H x W x C")
+        found = f"an array of {array['typestr']} with shape {shape}"
+        raise ValueError(f"{found}, expected uint8 with H x W x C")
     channels = shape[2] if len(shape) == 3 else 1
     if len(shape) == 2 or channels == 1:
         format = GRAY
@@ -171,12 +177,31 @@ def _image(frame, format):
         if format in (BGR, BGRA):
             format = RGB if format == BGR else RGBA
         return _image((array["data"], shape[1], shape[0]), format)
-    if strides is not None and (strides[1:] != (channels, 1)[: len(shape) - 1] or strides[0] < shape[1] * channels):
+    if max(shape[:2]) > _MAX_SIDE:  # before it is copied
+        raise ValueError(f"{shape[1]} x {shape[0]} pixels, expected at most {_MAX_SIDE} a side")
+    row = shape[1] * channels
+    packed = (channels, 1)[: len(shape) - 1]
+    if strides is not None and (strides[1:] != packed or strides[0] < row):
         frame = frame.copy()
         array = frame.__array_interface__
         strides = array.get("strides")
     stride = strides[0] if strides is not None else 0
     return _Image(array["data"][0], shape[1], shape[0], stride, format), frame
+
+
+def _box(box):
+    try:
+        x, y, w, h = map(float, box)
+    except (TypeError, ValueError):
+        expected = "four numbers: left, top, width, height in pixels"
+        raise ValueError(f"box is {box!r}, expected {expected}") from None
+    return _Box(x, y, w, h)
+
+
+def _threads(threads):
+    if not isinstance(threads, int) or not 0 <= threads < 2**32:
+        raise ValueError(f"threads is {threads!r}, expected a number from 1 to 256")
+    return threads
 
 
 class Tracker:
@@ -189,7 +214,7 @@ class Tracker:
     def __init__(self, model=None, threads=1):
         self._handle = ctypes.c_void_p()
         path = None if model is None else os.fsencode(model)
-        _check(_library.track_cpu_create(path, threads, ctypes.byref(self._handle)))
+        _check(_library.track_cpu_create(path, _threads(threads), ctypes.byref(self._handle)))
 
     def __del__(self):
         if getattr(self, "_handle", None):
@@ -202,7 +227,8 @@ class Tracker:
     def init(self, frame, box, format=BGR):
         """Takes what is inside the box (x, y, w, h) as the target."""
         image, kept = _image(frame, format)
-        _check(_library.track_cpu_init(self._handle, ctypes.byref(image), ctypes.byref(_Box(*box))))
+        target = _box(box)
+        _check(_library.track_cpu_init(self._handle, ctypes.byref(image), ctypes.byref(target)))
         del kept
 
     def update(self, frame, format=BGR):
@@ -238,7 +264,7 @@ class FlightTracker(Tracker):
         path = None if model is None else os.fsencode(model)
         _check(
             _library.track_cpu_create_flight(
-                path, threads, ctypes.byref(options), ctypes.byref(self._handle)
+                path, _threads(threads), ctypes.byref(options), ctypes.byref(self._handle)
             )
         )
 

@@ -1,4 +1,4 @@
-/* track-cpu: follows one object through video on a CPU.
+/* track-cpu: follows one object through video on a CPU. Version 1.0 of the C interface.
  *
  *     track_cpu_tracker *tracker;
  *     if (track_cpu_create(NULL, 1, &tracker) != TRACK_CPU_OK) {
@@ -11,12 +11,22 @@
  *     while (next(&image)) track_cpu_update(tracker, &image, &box);
  *     track_cpu_destroy(tracker);
  *
- * `cargo build --release -p capi` makes target/release/libtrack_cpu_c.so (.dylib, track_cpu_c.dll).
+ * `tools/capi/install.sh PREFIX` installs the library, this header, track_cpu.hpp for C++, and
+ * files for pkg-config and CMake. Then:
  *
- * Each function that returns an int32_t returns one of the codes below; track_cpu_last_error() says
- * what was expected and found. Several threads may call functions on one tracker: the calls wait
- * for each other. After fork() a tracker of several threads returns TRACK_CPU_FORKED in the child;
- * make a new one there. No picture is kept after a call. */
+ *     cc follow.c $(pkg-config --cflags --libs track_cpu)
+ *     find_package(track_cpu 1.0 REQUIRED), target_link_libraries(follow track_cpu::track_cpu)
+ *
+ * Each function that returns an int32_t returns one of the codes below; each comment names those
+ * that its function may return besides TRACK_CPU_OK and TRACK_CPU_DEFECT.
+ * track_cpu_last_error() says what was expected and found. A null pointer is TRACK_CPU_ARGUMENT
+ * unless the comment allows it. Outputs are written only on success, if nothing else is said.
+ *
+ * Several threads may call functions on one tracker: the calls wait for each other. After fork() a
+ * tracker of several threads returns TRACK_CPU_FORKED in the child, where it can only be destroyed;
+ * make a new one there. No picture is kept after a call.
+ *
+ * Programs built with this header run with every later library of version 1. */
 
 #ifndef TRACK_CPU_H
 #define TRACK_CPU_H
@@ -27,6 +37,9 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+#define TRACK_CPU_VERSION_MAJOR 1
+#define TRACK_CPU_VERSION_MINOR 0
 
 enum {
     TRACK_CPU_OK = 0,
@@ -48,12 +61,24 @@ enum {
     TRACK_CPU_GRAY = 4 /* one byte a pixel */
 };
 
+/* Arithmetic of the network. */
+enum {
+    TRACK_CPU_FASTEST = 0, /* int8 where the model is calibrated, else f32 */
+    TRACK_CPU_F32 = 1,
+    TRACK_CPU_INT8 = 2
+};
+
+/* Weights, immutable: trackers on any threads share them. */
+typedef struct track_cpu_model track_cpu_model;
+
+/* A target that is followed, with the buffers and threads for it. */
 typedef struct track_cpu_tracker track_cpu_tracker;
 
 /* A picture that the caller keeps: rows from the top, pixels from the left. */
 typedef struct track_cpu_image {
-    const uint8_t *data;
-    uint32_t width, height; /* pixels */
+    const uint8_t *data;    /* `height` rows of `width` pixels, (height - 1) * stride + width *
+                               bytes-a-pixel bytes in all */
+    uint32_t width, height; /* pixels, 1 to 32768 */
     size_t stride;          /* bytes from one row to the next; 0 if there is no gap between them */
     uint32_t format;        /* TRACK_CPU_BGR ... TRACK_CPU_GRAY */
 } track_cpu_image;
@@ -63,18 +88,37 @@ typedef struct track_cpu_box {
     float x, y, w, h;
 } track_cpu_box;
 
-/* Makes a tracker from a weights file (UTF-8 path) or the built-in model of that name, or from the
- * standard model if NULL. 1 to 256 threads work on one frame. *out is NULL on failure. */
+/* Loads a weights file (UTF-8 path) or the built-in model of that name; NULL means the standard
+ * model. `precision` is TRACK_CPU_FASTEST, TRACK_CPU_F32 or TRACK_CPU_INT8. *out is NULL on
+ * failure. Errors: ARGUMENT; MODEL: no such file or model, not a weights file, or INT8 without
+ * calibration. */
+int32_t track_cpu_model_load(const char *model_path, uint32_t precision, track_cpu_model **out);
+
+/* Ends a model; a no-op for NULL. Trackers that share it go on. */
+void track_cpu_model_destroy(track_cpu_model *model);
+
+/* Makes a tracker from a weights file or built-in model, as track_cpu_model_load() names it, in the
+ * faster precision. 1 to 256 threads work on one frame. *out is NULL on failure.
+ * Errors: ARGUMENT: the number of threads; MODEL. */
 int32_t track_cpu_create(const char *model_path, uint32_t threads, track_cpu_tracker **out);
 
-/* Takes the content of the box as the new target. On failure the old target stays. */
-int32_t track_cpu_init(track_cpu_tracker *tracker, const track_cpu_image *image, const track_cpu_box *target);
+/* Makes a tracker from a model, which it shares. Errors: ARGUMENT. */
+int32_t track_cpu_create_from(const track_cpu_model *model, uint32_t threads,
+                              track_cpu_tracker **out);
 
-/* Finds the target in the next picture, which may have another size. */
-int32_t track_cpu_update(track_cpu_tracker *tracker, const track_cpu_image *image, track_cpu_box *out);
+/* Takes the content of the box (pixels) as the new target. On failure the old target stays.
+ * Errors: ARGUMENT: the format; IMAGE; TARGET: a number is not finite, or the box has no area or no
+ * pixel of the picture; FORKED. */
+int32_t track_cpu_init(track_cpu_tracker *tracker, const track_cpu_image *image,
+                       const track_cpu_box *target);
+
+/* Finds the target in the next picture, which may have another size: its box in pixels.
+ * Errors: ARGUMENT: the format; IMAGE; TARGET: there is none yet; FORKED. */
+int32_t track_cpu_update(track_cpu_tracker *tracker, const track_cpu_image *image,
+                         track_cpu_box *out);
 
 /* How sure the tracker is of the last box, from 0 to 1, as OpenCV's getTrackingScore(); 1 after
- * track_cpu_init. */
+ * track_cpu_init(), 0 before it. Errors: ARGUMENT, FORKED. */
 int32_t track_cpu_score(const track_cpu_tracker *tracker, float *out);
 
 /* Flight mode: says how sure it is, coasts while the target is hidden, finds it again. All of the
@@ -91,7 +135,8 @@ typedef struct track_cpu_flight_options {
     double absent;   /* 0.01: presence below which an empty look counts as absence */
     double patience; /* 0.5: seconds of absence before the box is given up: COASTING */
     double coast;    /* 1: seconds of COASTING before the target is LOST */
-    double fps;      /* 30: pictures per second where track_cpu_update_flight is told no time */
+    double fps;      /* 30: pictures per second where track_cpu_update_flight is told no time, 0.1
+                        to 1000 */
     uint32_t confirm;   /* 3: looks in a row, one a picture, that confirm a lost target's place */
     uint32_t tell_only; /* 0; with 1 no box is given up or searched for: only presence tells */
 } track_cpu_flight_options;
@@ -121,31 +166,41 @@ typedef struct track_cpu_candidate {
     float similarity; /* cosine of its features with the target's, -1 to 1 */
 } track_cpu_candidate;
 
-/* Writes the default options. */
+/* Writes the default options. Errors: ARGUMENT. */
 int32_t track_cpu_flight_defaults(track_cpu_flight_options *out);
 
-/* Makes a tracker in flight mode, as track_cpu_create does; options may be NULL. */
+/* Makes a tracker in flight mode, as track_cpu_create() does; options may be NULL.
+ * Errors: ARGUMENT: the number of threads, an option; MODEL. */
 int32_t track_cpu_create_flight(const char *model_path, uint32_t threads,
                                 const track_cpu_flight_options *options, track_cpu_tracker **out);
 
+/* Makes a tracker in flight mode from a model, which it shares; options may be NULL.
+ * Errors: ARGUMENT: the number of threads, an option; MODEL: the model's presence coefficients. */
+int32_t track_cpu_create_flight_from(const track_cpu_model *model, uint32_t threads,
+                                     const track_cpu_flight_options *options,
+                                     track_cpu_tracker **out);
+
 /* Finds the target in the next picture, taken `elapsed` seconds after the one before (0: 1 / fps).
  * The search for a target that is not seen takes at most `deadline` seconds, but makes at least one
- * attempt; with 0 it makes two, the same on every machine. */
+ * attempt; with 0 it makes two, the same on every machine.
+ * Errors: ARGUMENT: the format, negative seconds, or a tracker that is not in flight mode; IMAGE;
+ * TARGET: there is none yet; FORKED. */
 int32_t track_cpu_update_flight(track_cpu_tracker *tracker, const track_cpu_image *image,
                                 double elapsed, double deadline, track_cpu_flight_track *out);
 
-/* Writes up to `capacity` places that the last search found, the chosen one first, and their
- * number: at most 5. */
+/* Writes up to `capacity` places that the last search found, the chosen one first, and the number
+ * of places written: at most 5.
+ * Errors: ARGUMENT: also a tracker that is not in flight mode; FORKED. */
 int32_t track_cpu_candidates(const track_cpu_tracker *tracker, track_cpu_candidate *candidates,
                              uint32_t capacity, uint32_t *count);
 
 /* Ends a tracker, which no other thread may be using; a no-op for NULL. */
 void track_cpu_destroy(track_cpu_tracker *tracker);
 
-/* Describes the last failure on this thread. Never NULL; lasts until the next call there. */
+/* Describes this thread's last failure in UTF-8. Never NULL; lasts until the next call there. */
 const char *track_cpu_last_error(void);
 
-/* The library's version, such as "0.1.0". */
+/* The library's version, such as "1.0.0". */
 const char *track_cpu_version(void);
 
 #ifdef __cplusplus

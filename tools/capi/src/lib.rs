@@ -3,9 +3,11 @@
 //!
 //! | where | what |
 //! |---|---|
+//! | `src/model.rs` | models that several trackers share |
 //! | `src/flight.rs` | flight mode's options, track and candidates as C sees them |
-//! | `include/track_cpu.h` | the header |
-//! | `examples/follow.c` | raw frames to boxes in C |
+//! | `include/track_cpu.h`, `include/track_cpu.hpp` | the header; classes for C++ |
+//! | `install.sh` | library, headers, `pkg-config` file and CMake package into a prefix |
+//! | `examples/follow.c`, `examples/follow.cpp` | raw frames to boxes in C and C++ |
 //! | `examples/track_cpu.py` | the same library from Python by ctypes: a class in place of `cv2.TrackerNano` |
 //!
 //! Every function returns a code, 0 for success; [`track_cpu_last_error`] describes the last
@@ -14,21 +16,22 @@
 //! the child, since its threads exist in the parent only.
 //!
 //! This is the only crate besides the kernels that is not `forbid(unsafe_code)`: a C caller's
-//! pointers cannot be used otherwise. All of that code is in this file, nothing but the boundary is
-//! here, and each block states what it relies on.
+//! pointers cannot be used otherwise. All of that code is in this file and in `src/model.rs`,
+//! nothing but the boundary is there, and each block states what it relies on.
 
 mod failure;
 mod flight;
+mod model;
 
 use failure::{Failure, guarded};
-use std::ffi::{CStr, c_char};
-use std::path::Path;
+use std::ffi::c_char;
 use std::time::Duration;
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::shared::Shared;
 use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker, TrackerOptions};
 
 pub use flight::{track_cpu_candidate, track_cpu_flight_options, track_cpu_flight_track};
+pub use model::{track_cpu_model, track_cpu_model_destroy, track_cpu_model_load};
 
 /// A box in pixels: left, top, width, height.
 #[repr(C)]
@@ -91,20 +94,27 @@ pub unsafe extern "C" fn track_cpu_create(
     threads: u32,
     out: *mut *mut track_cpu_tracker,
 ) -> i32 {
-    guarded(|| {
-        // SAFETY: the caller promises that `out` is null or may be written to.
-        let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
-        *out = std::ptr::null_mut();
-        // SAFETY: the caller promises that `model_path` is null or a string that ends in 0.
-        let model = unsafe { model(model_path, threads) }?;
-        let options = TrackerOptions {
-            threads: threads as usize,
-            ..TrackerOptions::of(&model)
-        };
-        let tracker = Tracker::with_options(model, options);
-        *out = made(Mode::Plain(Box::new(tracker)), threads);
-        Ok(())
-    })
+    // SAFETY: the caller promises that `model_path` is null or a string that ends in 0.
+    let model = || unsafe { model::load(model_path, None) };
+    // SAFETY: the caller promises that `out` is null or may be written to.
+    unsafe { create(out, threads, model, plain) }
+}
+
+/// Makes a tracker from a model, which it shares.
+///
+/// # Safety
+/// `model` is null or was made by [`track_cpu_model_load`] and is not destroyed; `out` is null or
+/// may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_create_from(
+    model: *const track_cpu_model,
+    threads: u32,
+    out: *mut *mut track_cpu_tracker,
+) -> i32 {
+    // SAFETY: the caller promises that it is null or a model.
+    let model = || unsafe { shared(model) };
+    // SAFETY: the caller promises that `out` is null or may be written to.
+    unsafe { create(out, threads, model, plain) }
 }
 
 /// Makes a tracker in flight mode, with the default options if `options` is null.
@@ -118,25 +128,94 @@ pub unsafe extern "C" fn track_cpu_create_flight(
     options: *const track_cpu_flight_options,
     out: *mut *mut track_cpu_tracker,
 ) -> i32 {
+    // SAFETY: the caller promises that `model_path` is null or a string that ends in 0.
+    let model = || unsafe { model::load(model_path, None) };
+    // SAFETY: the caller promises that `options` is null or may be read.
+    let mode = |model, threads| flying(model, threads, unsafe { options.as_ref() });
+    // SAFETY: the caller promises that `out` is null or may be written to.
+    unsafe { create(out, threads, model, mode) }
+}
+
+/// Makes a tracker in flight mode from a model, which it shares.
+///
+/// # Safety
+/// As of [`track_cpu_create_from`]; `options` is null or may be read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn track_cpu_create_flight_from(
+    model: *const track_cpu_model,
+    threads: u32,
+    options: *const track_cpu_flight_options,
+    out: *mut *mut track_cpu_tracker,
+) -> i32 {
+    // SAFETY: the caller promises that it is null or a model.
+    let model = || unsafe { shared(model) };
+    // SAFETY: the caller promises that `options` is null or may be read.
+    let mode = |model, threads| flying(model, threads, unsafe { options.as_ref() });
+    // SAFETY: the caller promises that `out` is null or may be written to.
+    unsafe { create(out, threads, model, mode) }
+}
+
+/// Writes a tracker of a model and a mode to `out`, or null on failure.
+///
+/// # Safety
+/// `out` is null or may be written to.
+unsafe fn create(
+    out: *mut *mut track_cpu_tracker,
+    threads: u32,
+    model: impl FnOnce() -> Result<Model, Failure>,
+    mode: impl FnOnce(Model, usize) -> Result<Mode, Failure>,
+) -> i32 {
     guarded(|| {
-        // SAFETY: the caller promises that `out` is null or may be written to.
+        // SAFETY: the caller promises that it is null or may be written to.
         let out = unsafe { out.as_mut() }.ok_or(Failure::Null("out"))?;
         *out = std::ptr::null_mut();
-        // SAFETY: the caller promises that `model_path` is null or a string that ends in 0.
-        let model = unsafe { model(model_path, threads) }?;
-        let usual = FlightOptions {
-            threads: threads as usize,
-            ..FlightOptions::new(&model)
-        };
-        // SAFETY: the caller promises that it is null or may be read.
-        let options = match unsafe { options.as_ref() } {
-            Some(options) => options.over(usual)?,
-            None => usual,
-        };
-        let tracker = FlightTracker::new(model, options)?;
-        *out = made(Mode::Flight(Box::new(tracker)), threads);
+        let most = TrackerOptions::MAX_THREADS;
+        let found = threads;
+        let threads = found as usize;
+        if !(1..=most).contains(&threads) {
+            return Err(Failure::Threads { found, most });
+        }
+        let tracker = mode(model()?, threads)?;
+        let score = 0.0;
+        *out = Box::into_raw(Box::new(track_cpu_tracker {
+            target: Shared::new(Target { tracker, score }, threads),
+        }));
         Ok(())
     })
+}
+
+/// The model that a caller holds.
+///
+/// # Safety
+/// `model` is null or a model.
+unsafe fn shared(model: *const track_cpu_model) -> Result<Model, Failure> {
+    // SAFETY: the caller promises that it is null or a model.
+    let held = unsafe { model.as_ref() }.ok_or(Failure::Null("model"))?;
+    Ok(held.model.clone())
+}
+
+fn plain(model: Model, threads: usize) -> Result<Mode, Failure> {
+    let options = TrackerOptions {
+        threads,
+        ..TrackerOptions::of(&model)
+    };
+    Ok(Mode::Plain(Box::new(Tracker::with_options(model, options))))
+}
+
+fn flying(
+    model: Model,
+    threads: usize,
+    options: Option<&track_cpu_flight_options>,
+) -> Result<Mode, Failure> {
+    let usual = FlightOptions {
+        threads,
+        ..FlightOptions::new(&model)
+    };
+    let options = match options {
+        Some(options) => options.over(usual)?,
+        None => usual,
+    };
+    Ok(Mode::Flight(Box::new(FlightTracker::new(model, options)?)))
 }
 
 /// Writes the default options of flight mode.
@@ -153,40 +232,10 @@ pub unsafe extern "C" fn track_cpu_flight_defaults(out: *mut track_cpu_flight_op
     })
 }
 
-/// The model of a path or name, for so many threads.
-///
-/// # Safety
-/// `path` is null or a string that ends in 0.
-unsafe fn model(path: *const c_char, threads: u32) -> Result<Model, Failure> {
-    let most = TrackerOptions::MAX_THREADS;
-    if !(1..=most).contains(&(threads as usize)) {
-        return Err(Failure::Threads {
-            found: threads,
-            most,
-        });
-    }
-    let name = if path.is_null() {
-        None
-    } else {
-        // SAFETY: it is not null, and the caller promises that it then is a string that ends in 0.
-        let path = unsafe { CStr::from_ptr(path) };
-        Some(Path::new(path.to_str().map_err(|_| Failure::Path)?))
-    };
-    Ok(Model::from_weights(&Model::find(name)?, Isa::detect())?)
-}
-
-/// A tracker as C holds it.
-fn made(tracker: Mode, threads: u32) -> *mut track_cpu_tracker {
-    let score = 0.0;
-    Box::into_raw(Box::new(track_cpu_tracker {
-        target: Shared::new(Target { tracker, score }, threads as usize),
-    }))
-}
-
 /// Takes what is inside a box as the target, forgetting any earlier one.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `image` and `target`
+/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `image` and `target`
 /// are null or may be read, and so may the picture's bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_init(
@@ -307,7 +356,7 @@ pub unsafe extern "C" fn track_cpu_update_flight(
 /// and their number.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create_flight`] and is not destroyed; `candidates`
+/// `tracker` is null or was made by [`track_cpu_create_flight`] or its kin and is not destroyed; `candidates`
 /// is null or `capacity` of them may be written there; `count` is null or may be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_candidates(
@@ -343,7 +392,7 @@ pub unsafe extern "C" fn track_cpu_candidates(
 /// Writes how sure the tracker is of the last box, 0 to 1.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] and is not destroyed; `out` is null or may
+/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `out` is null or may
 /// be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out: *mut f32) -> i32 {
@@ -360,7 +409,8 @@ pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out:
 /// Ends a tracker; a no-op for null.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] and is neither in use nor used again.
+/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is neither in use nor used
+/// again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_destroy(tracker: *mut track_cpu_tracker) {
     guarded(|| {

@@ -1,58 +1,14 @@
-//! The library from the other side: wrong arguments, a compiled C program, Python.
+//! The library from the other side: wrong arguments, Python.
 
+mod common;
+
+use common::{HEIGHT, INIT, WIDTH, expected, follows, frames, has, library, source};
 use std::ffi::{CStr, CString};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::ptr::{null, null_mut};
 use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
-use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
+use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model};
 use track_cpu_c::*;
-
-const WIDTH: usize = 96;
-const HEIGHT: usize = 64;
-const INIT: [f32; 4] = [24.0, 24.0, 16.0, 16.0];
-
-/// A bright square on a pattern, moving to the right by two pixels a frame.
-fn frames() -> Vec<Vec<u8>> {
-    let frame = |shift: usize| {
-        let pixel = |i: usize| {
-            let (x, y) = (i % WIDTH, i / WIDTH);
-            let inside = (24 + shift..40 + shift).contains(&x) && (24..40).contains(&y);
-            if inside {
-                [240, 200, 60]
-            } else {
-                [(x * 7 % 60) as u8, (y * 13 % 60) as u8, 40]
-            }
-        };
-        (0..WIDTH * HEIGHT).flat_map(pixel).collect()
-    };
-    (0..4).map(|i| frame(2 * i)).collect()
-}
-
-/// What the Rust library finds in them.
-fn expected() -> Vec<[f32; 5]> {
-    let mut tracker = Tracker::new(Model::builtin(Isa::detect()));
-    let mut rows = Vec::new();
-    for pixels in frames() {
-        let frame = Frame::new(&pixels, WIDTH, HEIGHT, ChannelOrder::Rgb).unwrap();
-        let [x, y, w, h] = INIT;
-        if rows.is_empty() {
-            tracker.init(&frame, BBox::new(x, y, w, h)).unwrap();
-            rows.push([x, y, w, h, 1.0]);
-        } else {
-            let track = tracker.update(&frame).unwrap();
-            rows.push([
-                track.bbox.x,
-                track.bbox.y,
-                track.bbox.w,
-                track.bbox.h,
-                track.score,
-            ]);
-        }
-    }
-    rows
-}
 
 fn image(pixels: &[u8]) -> track_cpu_image {
     track_cpu_image {
@@ -366,133 +322,6 @@ fn bad_argument_gives_a_code_and_a_message() {
     }
 }
 
-/// The folder of the shared library: where this test lies, or the one above.
-fn library() -> Option<PathBuf> {
-    let name = format!(
-        "{}track_cpu_c{}",
-        std::env::consts::DLL_PREFIX,
-        std::env::consts::DLL_SUFFIX
-    );
-    let at = std::env::current_exe().unwrap();
-    let found = at
-        .ancestors()
-        .skip(1)
-        .take(2)
-        .map(|folder| folder.join(&name))
-        .find(|path| path.is_file());
-    if found.is_none() {
-        println!("skipped: no {name} near {}", at.display());
-    }
-    found
-}
-
-fn has(program: &str) -> bool {
-    let found = Command::new(program)
-        .arg("--version")
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status()
-        .is_ok();
-    if !found {
-        println!("skipped: no {program}");
-    }
-    found
-}
-
-/// Feeds the frames to a program and holds what it prints against what the Rust library finds.
-fn follows(command: &mut Command) {
-    let [x, y, w, h] = INIT;
-    let arguments = [WIDTH as f32, HEIGHT as f32, x, y, w, h].map(|number| number.to_string());
-    let mut child = command
-        .args(arguments)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    child
-        .stdin
-        .take()
-        .unwrap()
-        .write_all(&frames().concat())
-        .unwrap();
-    let output = child.wait_with_output().unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{text}");
-    let rows: Vec<Vec<f32>> = text
-        .lines()
-        .map(|line| {
-            line.split(',')
-                .map(|number| number.parse().unwrap())
-                .collect()
-        })
-        .collect();
-    assert_eq!(rows.len(), 4, "{text}");
-    for (found, expected) in rows.iter().zip(expected()) {
-        assert!(
-            found.len() == 5
-                && found
-                    .iter()
-                    .zip(expected)
-                    .all(|(a, b)| (a - b).abs() < 1e-3),
-            "{text}"
-        );
-    }
-}
-
-fn source(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
-}
-
-#[cfg(unix)]
-#[test]
-fn c_example_gives_the_boxes_of_rust() {
-    let (Some(library), true) = (library(), has("cc")) else {
-        return;
-    };
-    let folder = library.parent().unwrap();
-    let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("follow");
-    let built = Command::new("cc")
-        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"])
-        .arg(source("examples/follow.c"))
-        .arg("-I")
-        .arg(source("include"))
-        .arg("-L")
-        .arg(folder)
-        .args(["-ltrack_cpu_c", "-o"])
-        .arg(&program)
-        .arg(format!("-Wl,-rpath,{}", folder.display()))
-        .status()
-        .unwrap();
-    assert!(built.success());
-    follows(&mut Command::new(program));
-}
-
-#[cfg(unix)]
-#[test]
-fn header_compiles_as_cpp() {
-    if has("c++") {
-        let checked = Command::new("c++")
-            .args([
-                "-std=c++11",
-                "-Wall",
-                "-Wextra",
-                "-Werror",
-                "-pedantic",
-                "-fsyntax-only",
-                "-x",
-                "c++",
-            ])
-            .arg(source("include/track_cpu.h"))
-            .output()
-            .unwrap();
-        assert!(
-            checked.status.success(),
-            "{}",
-            String::from_utf8_lossy(&checked.stderr)
-        );
-    }
-}
-
 #[cfg(unix)]
 #[test]
 fn python_example_gives_the_boxes_of_rust() {
@@ -541,6 +370,13 @@ def refused(call, error, part):
         raise AssertionError(part)
 refused(lambda: tracker.update(None), ValueError, "frame is None")
 refused(lambda: tracker.update("frame.png"), ValueError, "frame is a str")
+refused(lambda: tracker.init(gray, (1, 2, 3), track_cpu.GRAY), ValueError, "box is (1, 2, 3), expected four")
+refused(lambda: track_cpu.Tracker(threads=None), ValueError, "threads is None")
+class Huge:  # a view of one byte; a copy of it would take 15 GB
+    __array_interface__ = {"typestr": "|u1", "shape": (70000, 70000, 3), "strides": (0, 0, 0), "data": (1, True)}
+    def copy(self):
+        raise AssertionError("copied")
+refused(lambda: tracker.update(Huge()), ValueError, "70000 x 70000 pixels, expected at most 32768")
 refused(lambda: __import__("copy").copy(tracker), TypeError, "cannot be copied")
 refused(lambda: __import__("copy").deepcopy(tracker), TypeError, "cannot be copied")
 refused(lambda: __import__("pickle").dumps(tracker), TypeError, "cannot be copied or pickled")
