@@ -235,8 +235,8 @@ pub unsafe extern "C" fn track_cpu_flight_defaults(out: *mut track_cpu_flight_op
 /// Takes what is inside a box as the target, forgetting any earlier one.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `image` and `target`
-/// are null or may be read, and so may the picture's bytes.
+/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `image`
+/// and `target` are null or may be read, and so may the picture's bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_init(
     tracker: *mut track_cpu_tracker,
@@ -356,8 +356,9 @@ pub unsafe extern "C" fn track_cpu_update_flight(
 /// and their number.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create_flight`] or its kin and is not destroyed; `candidates`
-/// is null or `capacity` of them may be written there; `count` is null or may be written to.
+/// `tracker` is null or was made by [`track_cpu_create_flight`] or its kin and is not destroyed;
+/// `candidates` is null or `capacity` of them may be written there; `count` is null or may be
+/// written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_candidates(
     tracker: *const track_cpu_tracker,
@@ -392,8 +393,8 @@ pub unsafe extern "C" fn track_cpu_candidates(
 /// Writes how sure the tracker is of the last box, 0 to 1.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `out` is null or may
-/// be written to.
+/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `out` is
+/// null or may be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out: *mut f32) -> i32 {
     guarded(|| {
