@@ -14,5 +14,7 @@ cd "$(dirname "$0")/.."
 target=${1:-aarch64-unknown-linux-musl}
 rustup target add "$target" >&2
 linker=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<< "$target")_LINKER
-env "$linker=rust-lld" cargo build --release --locked --bin track-cpu --target "$target" >&2
+# Without symbols: they are half of the file.
+env "$linker=rust-lld" cargo rustc --release --locked --bin track-cpu --target "$target" \
+    -- -C strip=symbols >&2
 echo "${CARGO_TARGET_DIR:-target}/$target/release/track-cpu"

@@ -192,6 +192,7 @@ def test_object_with_an_array_interface_is_taken(model, pictures, box, boxes):
         (np.zeros((48, 0), np.uint8), "frame is 0x48 pixels, expected sides"),
         (np.zeros((1, 40_000), np.uint8), "frame is 40000x1 pixels, expected sides"),
         (np.broadcast_to(np.uint8(3), (1 << 40, 64)), "expected sides"),
+        (np.broadcast_to(np.uint8(3), (70_000, 70_000, 3)), "70000x70000 pixels, expected sides"),
     ],
 )
 @pytest.mark.parametrize("kind", [track_cpu.Tracker, track_cpu.FlightTracker])

@@ -2,6 +2,8 @@
 
 import ast
 import inspect
+import os
+import re
 import sys
 import types
 from pathlib import Path
@@ -36,6 +38,22 @@ def test_tracker_stands_where_opencvs_stood(model, pictures, box, boxes):
     assert {"init", "update"} <= methods <= set(dir(track_cpu.Tracker)) & set(
         dir(track_cpu.FlightTracker)
     )
+
+
+def test_example_beside_opencv_follows_a_flight_and_times_it():
+    example = Path(__file__).parents[1] / "examples" / "beside_opencv.py"
+    nano = os.environ.get("NANOTRACK")  # folder of the models
+
+    options = ["--nano", nano] if nano else []
+    done = run([sys.executable, example, "--frames", "8", *options], text=True)
+
+    assert done.returncode == 0, done.stderr
+    _, ours, theirs, *rest = done.stdout.splitlines()
+    overlap = re.fullmatch(r"track_cpu drmim-p50 +8 +[\d.]+ +[\d.]+  ([\d.]+) with the truth", ours)
+    assert float(overlap[1]) > 0.8, ours
+    if theirs.startswith("skipped: cv2.TrackerNano: "):
+        pytest.skip(theirs)
+    assert float(re.fullmatch(r"mean IoU of both: ([\d.]+)", rest[0])[1]) > 0.5, rest
 
 
 def save(pictures, folder):
