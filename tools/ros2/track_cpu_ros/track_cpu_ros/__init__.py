@@ -1,0 +1,1 @@
+"""A ROS 2 node over the Python package track-cpu."""
