@@ -13,8 +13,9 @@
 //!
 //! impl Engine for Still {
 //!     fn start(&mut self, _: &Picture, target: FrameBox) -> Result<Tracked, String> {
-//!         self.0 = Some(Tracked::certain(target));
-//!         self.0.clone().ok_or_else(String::new)
+//!         let tracked = Tracked::certain(target);
+//!         self.0 = Some(tracked.clone());
+//!         Ok(tracked)
 //!     }
 //!     fn stop(&mut self) {
 //!         self.0 = None;
