@@ -138,10 +138,12 @@ impl Hub {
 
     /// Publishes a report, and keeps its frame if anybody watches.
     pub fn publish(&self, report: Report, frame: &Picture) {
-        if self.viewers() > 0
-            && let Ok(mut pictures) = self.pictures.try_lock()
-        {
-            pictures.add(report.frame, frame);
+        if let Ok(mut pictures) = self.pictures.try_lock() {
+            if self.viewers() > 0 {
+                pictures.add(report.frame, frame);
+            } else {
+                pictures.release();
+            }
         }
         let mut published = lock(&self.published);
         let before = published.report.taken;

@@ -13,6 +13,8 @@ const MAX_BYTES: usize = 48 << 20;
 const MAX_FROZEN: usize = 4;
 /// How long a frozen picture is kept.
 const FROZEN_FOR: Duration = Duration::from_secs(60);
+/// How long the recent pictures are kept once nobody watches.
+const UNWATCHED: Duration = Duration::from_secs(5);
 /// Time between two pictures kept.
 const PERIOD: Duration = Duration::from_millis(60);
 
@@ -64,6 +66,16 @@ impl Ring {
         self.frozen
             .push_back((frame, picture.clone(), now + FROZEN_FOR));
         Some((frame, picture))
+    }
+
+    /// Gives memory back while nobody watches: recent pictures soon, frozen ones when they expire.
+    pub fn release(&mut self) {
+        let now = Instant::now();
+        if self.next.is_some_and(|next| now >= next + UNWATCHED) {
+            self.recent = VecDeque::new();
+            self.next = None;
+        }
+        self.frozen.retain(|(.., until)| *until > now);
     }
 
     /// The picture of a frame, if it is still kept.
@@ -123,5 +135,25 @@ mod tests {
         ring.add(2, &picture(2));
 
         assert_eq!(ring.newest(), Some((1, picture(1))));
+    }
+
+    #[test]
+    fn pictures_that_nobody_watches_are_released_after_a_while() {
+        let mut ring = Ring::default();
+        ring.add(1, &picture(1));
+        ring.freeze();
+
+        ring.release();
+        let soon = ring.newest();
+        let long_ago = Instant::now().checked_sub(UNWATCHED + PERIOD);
+        ring.next = long_ago;
+        ring.release();
+
+        assert_eq!(soon, Some((1, picture(1))));
+        assert_eq!(ring.newest(), None);
+        assert_eq!(ring.find(1), Some(picture(1)), "it was frozen");
+        ring.frozen[0].2 = Instant::now();
+        ring.release();
+        assert_eq!(ring.find(1), None);
     }
 }
