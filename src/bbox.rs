@@ -70,6 +70,13 @@ impl BBox {
             .all(|v| v.is_finite())
     }
 
+    /// Whether this looks like a box in shares of the frame, as YOLO writes them: no number of it is
+    /// above 1.
+    pub fn is_in_shares(&self) -> bool {
+        let numbers = [self.x, self.y, self.w, self.h];
+        self.w > 0.0 && self.h > 0.0 && numbers.iter().all(|number| *number <= 1.0)
+    }
+
     /// Area in square pixels; 0 for an empty or inverted box.
     pub fn area(&self) -> f32 {
         self.w.max(0.0) * self.h.max(0.0)

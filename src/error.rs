@@ -64,6 +64,21 @@ pub enum TrackError {
         /// Frame height.
         height: usize,
     },
+    /// The box is in shares of the frame, as YOLO writes them.
+    #[error(
+        "box {x},{y},{w},{h}: expected pixels, found shares of the frame; multiply left and width \
+         by the frame's width, top and height by its height"
+    )]
+    Shares {
+        /// Left edge found.
+        x: f32,
+        /// Top edge found.
+        y: f32,
+        /// Width found.
+        w: f32,
+        /// Height found.
+        h: f32,
+    },
     /// `update` was called before `init`.
     #[error("the tracker has no target yet: call init before update")]
     NoTarget,

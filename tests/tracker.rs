@@ -515,6 +515,26 @@ fn first_box_outside_the_frame_is_refused() {
 }
 
 #[test]
+fn first_box_in_shares_of_the_frame_is_refused_with_a_hint() {
+    let pixels = scene(160, 120, 80, 60);
+    let frame = rgb(&pixels, 160, 120);
+    for bbox in [
+        BBox::new(0.4, 0.4, 0.2, 0.25),
+        BBox::new(0.0, 0.0, 1.0, 1.0),
+    ] {
+        let refused = tracker(1).init(&frame, bbox).unwrap_err().to_string();
+
+        assert!(refused.contains("multiply left and width"), "{refused}");
+    }
+    let single = rgb(&pixels[..3], 1, 1);
+    assert_eq!(
+        tracker(1).init(&single, BBox::new(0.0, 0.0, 1.0, 1.0)),
+        Ok(()),
+        "the whole frame, in pixels"
+    );
+}
+
+#[test]
 fn target_in_black_frames_keeps_a_finite_box() {
     let mut tracker = tracker(1);
     follow(&mut tracker, 1);

@@ -563,5 +563,8 @@ fn check_box(frame: &Frame<'_>, bbox: BBox) -> Result<(), TrackError> {
             height,
         });
     }
+    if bbox.is_in_shares() && width > 1 && height > 1 {
+        return Err(TrackError::Shares { x, y, w, h });
+    }
     Ok(())
 }

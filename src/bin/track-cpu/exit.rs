@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use program::{Clash, Exit};
 use track_cpu::source::SourceError;
-use track_cpu::{BBox, FrameError, ModelError, TrackError};
+use track_cpu::{FrameError, ModelError, TrackError};
 
 /// Why the program ends early.
 #[derive(Debug, thiserror::Error)]
@@ -45,13 +45,6 @@ pub enum Failure {
     /// The self-test failed.
     #[error("self-test failed: {0}")]
     SelfTest(String),
-    /// A box in shares of the frame.
-    #[error(
-        "--init: box {x},{y},{w},{h}: expected pixels, found shares of the frame; multiply left \
-         and width by the frame's width, top and height by its height",
-        x = .0.x, y = .0.y, w = .0.w, h = .0.h
-    )]
-    Normalized(BBox),
     /// Frames that could not be read were held or skipped.
     #[error("{count} frames could not be read; {consequence}")]
     BadFrames {
@@ -110,7 +103,7 @@ impl Failure {
             Failure::Input(_) | Failure::Frame { .. } => Exit::Input,
             Failure::Model(_) | Failure::Presence(_) => Exit::Model,
             Failure::Output { .. } => Exit::Output,
-            Failure::Target(_) | Failure::Normalized(_) => Exit::Target,
+            Failure::Target(_) => Exit::Target,
             Failure::SelfTest(_) | Failure::Rendered(_) => Exit::Check,
             Failure::BadFrames { .. } => Exit::Frames,
         };

@@ -73,9 +73,8 @@ impl Follower {
     /// Takes what is inside the box as the target.
     ///
     /// # Errors
-    /// As [`Tracker::init`], or if the box is in shares of the frame.
+    /// As [`Tracker::init`].
     pub fn start(&mut self, frame: &Frame<'_>, bbox: BBox) -> Result<Found, Failure> {
-        check_pixels(bbox)?;
         let sureness = match self {
             Follower::Plain(tracker) => tracker.init(frame, bbox).map(|()| None)?,
             Follower::Flight { tracker, .. } => tracker
@@ -139,20 +138,4 @@ pub fn flight_options(
         options.set(name, *value)?;
     }
     Ok(options)
-}
-
-/// Refuses a box in shares of the frame, as YOLO writes them: no number of it is above 1.
-///
-/// # Errors
-/// If the box is such a one.
-pub fn check_pixels(bbox: BBox) -> Result<(), Failure> {
-    let is_positive = bbox.w > 0.0 && bbox.h > 0.0; // other boxes are refused with a better reason
-    if is_positive
-        && [bbox.x, bbox.y, bbox.w, bbox.h]
-            .iter()
-            .all(|number| *number <= 1.0)
-    {
-        return Err(Failure::Normalized(bbox));
-    }
-    Ok(())
 }
