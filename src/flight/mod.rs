@@ -50,7 +50,8 @@ pub use candidates::{Candidate, MAX_CANDIDATES};
 pub use evidence::{COUNT as EVIDENCE_COUNT, Evidence, NAMES as EVIDENCE_NAMES};
 use options::USUAL_RATE;
 pub use options::{
-    BELIEVED, Budget, Conduct, FlightOptions, FlightTrack, ThresholdError, check_threshold,
+    BELIEVED, Budget, Conduct, FRAME_RATES, FlightOptions, FlightTrack, ThresholdError,
+    check_threshold,
 };
 pub use presence::{NOTE as PRESENCE_NOTE, Presence, PresenceError, Weighing};
 pub use state::State;

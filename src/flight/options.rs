@@ -11,6 +11,9 @@ use std::time::Duration;
 /// Frames per second where nothing else is said.
 pub(super) const USUAL_RATE: f64 = 30.0;
 
+/// Frames per second that [`FlightOptions`] may have.
+pub const FRAME_RATES: RangeInclusive<f64> = 0.1..=1000.0;
+
 /// How a [`FlightTracker`](super::FlightTracker) is to run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightOptions {
@@ -33,7 +36,7 @@ pub struct FlightOptions {
     pub coast: f64,
     /// Looks in a row, one a frame, that confirm a place for a lost target.
     pub confirm: u32,
-    /// Frames per second, unless every frame comes with its time.
+    /// Frames per second, in [`FRAME_RATES`], unless every frame comes with its time.
     pub fps: f64,
     /// What it does about a target that may not be there.
     pub conduct: Conduct,

@@ -2,7 +2,9 @@
 
 use crate::failure::Failure;
 use crate::track_cpu_box;
-use track_cpu::flight::{Candidate, Conduct, FlightOptions, FlightTrack, check_threshold};
+use track_cpu::flight::{
+    Candidate, Conduct, FRAME_RATES, FlightOptions, FlightTrack, check_threshold,
+};
 use track_cpu::{BBox, State};
 
 /// Searches per picture where no deadline is given.
@@ -85,7 +87,7 @@ impl track_cpu_flight_options {
     /// If a number is none of those allowed.
     pub(crate) fn over(&self, usual: FlightOptions) -> Result<FlightOptions, Failure> {
         let bounded = [
-            ("fps", self.fps, 0.1..=1000.0, "0.1 to 1000"),
+            ("fps", self.fps, FRAME_RATES, "0.1 to 1000"),
             ("tell_only", self.tell_only.into(), 0.0..=1.0, "0 or 1"),
         ];
         for (name, found, allowed, expected) in bounded {

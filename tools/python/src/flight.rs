@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use track_cpu::flight::{Budget, Candidate, Conduct};
+use track_cpu::flight::{Budget, Candidate, Conduct, FRAME_RATES};
 use track_cpu::shared::Shared;
 use track_cpu::{FlightOptions, FlightTrack, State};
 
@@ -22,7 +22,7 @@ const SEARCHES: u32 = 2;
 /// seen, boxes are those of Tracker. `tracker(image)` does what `tracker.update(image)` does, and
 /// returns a FlightTrack: ok, box, score, presence, state, searches. The other options are:
 ///
-/// - fps: pictures per second, 1 to 1000, unless update is told the time; 30.
+/// - fps: pictures per second, 0.1 to 1000, unless update is told the time; 30.
 /// - present: least presence at which the target counts as seen, 0 to 1; 0.5.
 /// - sure: least presence of a sure sight, which makes look-alikes beside it rivals, 0 to 1; 0.8.
 /// - absent: presence below which an empty look counts as absence, 0 to 1; 0.01.
@@ -91,7 +91,7 @@ impl FlightTracker {
         let mut options = FlightOptions {
             threads: engine.threads,
             config: engine.config,
-            fps: number("fps", fps, 1.0..=1000.0, standard.fps)?,
+            fps: number("fps", fps, FRAME_RATES, standard.fps)?,
             conduct,
             ..standard
         };

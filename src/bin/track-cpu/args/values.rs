@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use kernels::conv::Algorithm;
 use kernels::par::Threads;
-use track_cpu::flight::check_threshold;
+use track_cpu::flight::{FRAME_RATES, check_threshold};
 use track_cpu::source::{OnBadFrame, PixelFormat};
 use track_cpu::{BBox, Cores, Isa, Precision};
 
@@ -116,10 +116,9 @@ pub fn size(text: &str) -> Result<(usize, usize), String> {
 
 /// Frames per second.
 pub fn frame_rate(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|fps| (0.1..=1000.0).contains(fps))
-        .ok_or("expected a number from 0.1 to 1000".into())
+    let rate = text.parse().ok().filter(|rate| FRAME_RATES.contains(rate));
+    let (least, most) = (FRAME_RATES.start(), FRAME_RATES.end());
+    rate.ok_or_else(|| format!("expected a number from {least} to {most}"))
 }
 
 /// A threshold of flight mode: its name and number.
