@@ -348,7 +348,8 @@ pub fn show(args: &args::Show) -> Result<(), Error> {
         out,
         ..
     } = args;
-    for path in trainer::show::write_sheets(&dataset, *search_size, *first, *sheets, out)? {
+    for path in trainer::show::write_sheets(&dataset, (*search_size).into(), *first, *sheets, out)?
+    {
         println!("{}", path.display());
     }
     Ok(())

@@ -29,7 +29,7 @@ pub struct Data {
     #[arg(long, default_value_t = 0.1)]
     pub negatives: f32,
     /// Largest gap between the two frames of a pair.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub max_gap: u32,
     /// Choose pairs as video_analyst does: any later frame, boxes of any size.
     #[arg(long)]

@@ -25,25 +25,32 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Train a network from random weights or from a checkpoint.
+    #[command(allow_negative_numbers = true)]
     Fit(Box<Fit>),
     /// Train the runs of a list one after another, and continue those that were stopped.
     Queue(Queue),
     /// Prune a network: remove filters whose feature maps have low rank.
+    #[command(allow_negative_numbers = true)]
     Prune(Box<Prune>),
     /// Prune to several ratios, train each on, and compare.
+    #[command(allow_negative_numbers = true)]
     Sweep(Box<Sweep>),
     /// Train without each part of DR-MIM in turn, and compare.
+    #[command(allow_negative_numbers = true)]
     Ablate(Box<Ablate>),
     /// Average networks of one shape, such as the ends of successive runs.
     Average(Average),
     /// Write a checkpoint's network as a weights file.
     Export(Export),
     /// Calibrate a weights file for int8 by measuring its activations.
+    #[command(allow_negative_numbers = true)]
     Quantize(Measure),
     /// Choose the tracker's constants for a weights file: correction, template update and online
     /// filter.
+    #[command(allow_negative_numbers = true)]
     Tune(Tune),
     /// Write contact sheets of sampled pairs.
+    #[command(allow_negative_numbers = true)]
     Show(Show),
 }
 
@@ -171,8 +178,9 @@ pub struct Show {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Side of the search crops.
-    #[arg(long, default_value_t = 303)]
-    pub search_size: usize,
+    #[arg(long, default_value_t = 303,
+        value_parser = clap::value_parser!(u16).range(64..=1024))]
+    pub search_size: u16,
     /// How many sheets, of 24 pairs each.
     #[arg(long, default_value_t = 1)]
     pub sheets: usize,

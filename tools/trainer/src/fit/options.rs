@@ -133,20 +133,31 @@ impl FitOptions {
     /// # Errors
     /// Names the first option that is out of range.
     pub fn check(&self) -> Result<(), Error> {
-        self.architecture.check()?;
-        Architecture {
-            search_size: self.early_size,
-            ..self.architecture
-        }
-        .check()?;
         let within = |option: &str, value: f64, low: f64, high: f64| {
             if (low..=high).contains(&value) {
                 return Ok(());
             }
             Err(Error::option(option, format!("{low} to {high}"), value))
         };
+        for (option, size) in [
+            ("--search-size", self.architecture.search_size),
+            ("--early-size", self.early_size),
+        ] {
+            let architecture = Architecture {
+                search_size: size,
+                ..self.architecture
+            };
+            architecture
+                .check()
+                .map_err(|error| match error.field.as_str() {
+                    "search_size" => Error::option(option, error.expected, error.found),
+                    _ => error.into(),
+                })?;
+        }
         within("--batch", self.batch as f64, 2.0, 1024.0)?;
         within("--rate", self.peak_rate, 0.0, 10.0)?;
+        within("--floor-rate", self.floor_rate, 0.0, 10.0)?;
+        within("--warmup-share", self.warmup_share, 0.0, 1.0)?;
         within("--decay", f64::from(self.decay), 0.0, 1.0)?;
         within("--clip", f64::from(self.clip), 0.0, f64::from(f32::MAX))?;
         within("--early-share", self.early_share, 0.0, 1.0)?;
@@ -325,7 +336,9 @@ mod tests {
         };
         assert!(with(&|o| o.batch = 1).contains("--batch"));
         assert!(with(&|o| o.peak_rate = f64::NAN).contains("--rate"));
-        assert!(with(&|o| o.early_size = 100).contains("search_size"));
+        assert!(with(&|o| o.early_size = 100).contains("--early-size"));
+        assert!(with(&|o| o.architecture.search_size = 1025).contains("--search-size"));
+        assert!(with(&|o| o.warmup_share = -0.1).contains("--warmup-share"));
         assert!(with(&|o| o.budget = Budget::Steps(0)).contains("--steps"));
     }
 }
