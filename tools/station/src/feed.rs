@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crate::health::fingerprint;
 use crate::hub::{Hub, lock};
 use crate::picture::Picture;
 use crate::say::say;
@@ -179,13 +180,17 @@ impl Filler {
                 size.1
             );
         }
+        let print = fingerprint(&picture.data);
         let shot = Shot {
             picture,
             index: self.index,
             taken: Instant::now(),
         };
         self.index += 1;
-        self.hub.tell(|pulse| pulse.frame(shot.taken));
+        self.hub.tell(|pulse| {
+            pulse.frame(shot.taken);
+            pulse.picture(print, shot.taken);
+        });
         let is_wanted = self.slot.put(shot, self.every);
         self.hub.tell(|pulse| pulse.frame(Instant::now()));
         is_wanted

@@ -10,6 +10,8 @@ pub enum Health {
     Waiting,
     /// It delivers frames.
     Live,
+    /// It delivers frames, but for longer than the stall time-out all the same one.
+    Frozen,
     /// It is open, but has delivered no frame for longer than the stall time-out.
     Stalled,
     /// It has failed or was closed for its silence, and is opened again.
@@ -24,12 +26,21 @@ impl Health {
         match self {
             Health::Waiting => "waiting",
             Health::Live => "live",
+            Health::Frozen => "frozen",
             Health::Stalled => "stalled",
             Health::Reconnecting => "reconnecting",
             Health::Ended => "ended",
         }
     }
+
+    /// Whether frames come.
+    pub fn delivers(self) -> bool {
+        matches!(self, Health::Live | Health::Frozen)
+    }
 }
+
+/// Least number of equal frames in a row that count as frozen, however slow the source is.
+const MIN_EQUAL: u32 = 5;
 
 /// How long the opening of a source may take, beyond the stall time-out.
 pub const OPENING: Duration = Duration::from_secs(10);
@@ -46,6 +57,15 @@ pub struct Pulse {
     pub reason: Option<String>,
     /// Whether the source was closed for its silence.
     silenced: bool,
+    same: Same,
+}
+
+/// The newest frames, as long as they are equal.
+#[derive(Clone, Copy, Debug)]
+struct Same {
+    fingerprint: u64,
+    count: u32,
+    since: Instant,
 }
 
 impl Pulse {
@@ -57,6 +77,11 @@ impl Pulse {
             progress: now,
             reason: None,
             silenced: false,
+            same: Same {
+                fingerprint: 0,
+                count: 0,
+                since: now,
+            },
         }
     }
 
@@ -65,6 +90,19 @@ impl Pulse {
         self.told = Health::Live;
         self.last_frame = Some(now);
         self.progress = now;
+    }
+
+    /// The frame that has come looks like this; see [`fingerprint`].
+    pub fn picture(&mut self, fingerprint: u64, now: Instant) {
+        if self.same.count > 0 && self.same.fingerprint == fingerprint {
+            self.same.count = self.same.count.saturating_add(1);
+            return;
+        }
+        self.same = Same {
+            fingerprint,
+            count: 1,
+            since: now,
+        };
     }
 
     /// The feeding thread is at work: it opens the source, or waits before it does.
@@ -101,9 +139,15 @@ impl Pulse {
         let silent = now.saturating_duration_since(self.progress);
         match self.told {
             Health::Live if silent > stall => Health::Stalled,
+            Health::Live if self.is_frozen(now, stall) => Health::Frozen,
             Health::Waiting | Health::Reconnecting if silent > stall + OPENING => Health::Stalled,
             told => told,
         }
+    }
+
+    fn is_frozen(&self, now: Instant, stall: Duration) -> bool {
+        let unchanged = now.saturating_duration_since(self.same.since);
+        self.same.count >= MIN_EQUAL && unchanged > stall
     }
 
     /// Whether the source is to be closed for its silence: it stalls, or takes too long to open.
@@ -117,9 +161,69 @@ impl Pulse {
     }
 }
 
+/// A number that equal pictures share, and others hardly ever do.
+pub fn fingerprint(pixels: &[u8]) -> u64 {
+    const MULTIPLIER: u64 = 0x9e37_79b9_7f4a_7c15;
+    // Four chains of products, so that they overlap: a frame takes a fraction of a millisecond.
+    let mut chains = [pixels.len() as u64; 4];
+    let (blocks, rest) = pixels.as_chunks::<32>();
+    for block in blocks {
+        for (chain, word) in chains.iter_mut().zip(block.as_chunks::<8>().0) {
+            *chain = (*chain ^ u64::from_le_bytes(*word))
+                .wrapping_mul(MULTIPLIER)
+                .rotate_left(29);
+        }
+    }
+    let mut sum = 0;
+    for word in chains
+        .into_iter()
+        .chain(rest.iter().copied().map(u64::from))
+    {
+        sum = (sum ^ word).wrapping_mul(MULTIPLIER).rotate_left(29);
+    }
+    sum
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn same_picture_for_longer_than_the_stall_time_out_is_frozen() {
+        let start = Instant::now();
+        let stall = Duration::from_secs(2);
+        let mut pulse = Pulse::new(start);
+        let mut health = |second: u32, pixels: &[u8]| {
+            let now = start + second * Duration::from_secs(1);
+            pulse.frame(now);
+            pulse.picture(fingerprint(pixels), now);
+            pulse.health(now, stall)
+        };
+        let (one, other) = ([7; 100], [8; 100]);
+
+        for second in 0..4 {
+            assert_eq!(health(second, &one), Health::Live, "{second}: too few");
+        }
+        assert_eq!(health(4, &one), Health::Frozen);
+        assert_eq!(health(5, &other), Health::Live);
+    }
+
+    #[test]
+    fn pictures_that_differ_in_one_bit_have_other_fingerprints() {
+        for length in [1, 8, 31, 32, 100] {
+            let picture = vec![90; length];
+            for place in 0..length {
+                let mut other = picture.clone();
+                other[place] ^= 4;
+
+                assert_ne!(
+                    fingerprint(&picture),
+                    fingerprint(&other),
+                    "{place} of {length}"
+                );
+            }
+        }
+    }
 
     #[test]
     fn health_follows_frames_failures_and_silence() {

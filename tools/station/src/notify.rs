@@ -37,12 +37,12 @@ impl Notifier {
 
     /// Tells what is due: readiness, the status if it has changed, and that the program lives.
     pub fn tell(&mut self, health: Health, reason: Option<&str>) {
-        if health == Health::Live && !self.is_ready {
+        if health.delivers() && !self.is_ready {
             self.is_ready = true;
             self.say("READY=1");
         }
         let status = match reason {
-            Some(reason) if health != Health::Live => {
+            Some(reason) if !health.delivers() => {
                 format!("STATUS=source {}: {reason}", health.name())
             }
             _ => format!("STATUS=source {}", health.name()),

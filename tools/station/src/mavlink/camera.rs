@@ -417,7 +417,7 @@ pub fn heartbeat(health: Health) -> MavMessage {
         base_mode: MavModeFlag::empty(),
         system_status: match health {
             Health::Waiting => MavState::MAV_STATE_BOOT,
-            Health::Live => MavState::MAV_STATE_ACTIVE,
+            Health::Live | Health::Frozen => MavState::MAV_STATE_ACTIVE,
             Health::Stalled | Health::Reconnecting => MavState::MAV_STATE_CRITICAL,
             Health::Ended => MavState::MAV_STATE_POWEROFF,
         },
@@ -481,7 +481,7 @@ fn resolution(view: &View) -> (u16, u16) {
 }
 
 fn stream_flags(view: &View) -> VideoStreamStatusFlags {
-    if view.health == Health::Live {
+    if view.health.delivers() {
         VideoStreamStatusFlags::VIDEO_STREAM_STATUS_FLAGS_RUNNING
     } else {
         VideoStreamStatusFlags::empty()
