@@ -7,8 +7,9 @@
 
 The camera is an HTTP stream of 30 JPEGs a second, made here and read through ffmpeg; its target
 moves. A ground station listens over MAVLink. Without --soak every fault is tried once, and the
-table is printed as Markdown. A soak tries one fault a minute, and prints the ages of reports,
-memory, threads and open files. The exit code is 1 if anything is not as it should be.
+table is printed as Markdown. A soak tries one fault a minute, prints the ages of reports, memory,
+threads and open files, and fails if these grow with the number of faults. The exit code is 1 if
+anything is not as it should be.
 """
 
 import argparse
@@ -146,15 +147,14 @@ class Camera:
         while True:
             due = max(due + (1 / 3 if self.mode == "slow" else 1 / RATE), time.monotonic() - 0.2)
             time.sleep(max(0, due - time.monotonic()))
-            self.index += 1
+            if self.mode != "repeated":
+                self.index += 1
             if self.mode == "closed":
                 while self.connections:
                     self.connections.pop().close()
             if self.mode in ("frozen", "closed"):
                 continue
             picture = (self.small if self.mode == "small" else self.normal)[self.index % LOOP]
-            if self.mode == "repeated":
-                picture = self.normal[0]
             part = b"--f\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\n" % (
                 len(picture),
                 picture,
@@ -593,6 +593,16 @@ def for_a_while(mode):
     return run
 
 
+def repeated(rig):
+    rig.camera.mode = "repeated"
+    time.sleep(5)
+    source = rig.state().get("source")
+    check("one picture for ever: called frozen", source == "frozen")
+    rig.camera.mode = "live"
+    time.sleep(3)
+    return f"source `{source}`"
+
+
 SILENCES = [
     Silence("stream falls silent, connection stays", set_mode("frozen"), set_mode("live")),
     Silence("stream ends and is refused", set_mode("closed"), set_mode("live")),
@@ -607,6 +617,7 @@ NUISANCES = [
     Nuisance("noise on the MAVLink port", noisy),
     Nuisance("damaged pictures", for_a_while("damaged")),
     Nuisance("pictures of another size", for_a_while("small")),
+    Nuisance("one picture for ever", repeated),
 ]
 
 
@@ -708,6 +719,7 @@ SOAK = [
     ("stream that ends", timed("closed", 5)),
     ("killed ffmpeg", killed_decoder),
     ("noise in the stream", timed("garbage", 2)),
+    ("one picture for ever", timed("repeated", 5)),
     ("other size", timed("small", 4)),
     ("damaged pictures", timed("damaged", 5)),
     ("three pictures a second", timed("slow", 8)),
@@ -721,14 +733,71 @@ SOAK = [
 ]
 
 
-def soak(program, length, options):
-    """One fault a minute, for so many seconds."""
+# Largest growth from one round of all faults to the next, and after the first round at all. A leak
+# grows in every round; a buffer that grows once to its bound does so in one of them.
+MAX_GROWTH = {"MB": 0.7, "threads": 0.5, "files": 0.5}
+MAX_STEP = {"MB": 8, "threads": 2, "files": 2}
+
+
+def growth(rows):
+    """Growth a round: for each fault the least between two tries in a row, their middle one.
+
+    The first round is left out, since it is the one that fills buffers. `None` for fewer than three
+    further rounds: a single step must not look like steady growth.
+    """
+    by_fault = collections.defaultdict(list)
+    for name, value in rows:
+        by_fault[name].append(value)
+    least = [
+        min(b - a for a, b in zip(values[1:], values[2:]))
+        for values in by_fault.values()
+        if len(values) >= 4
+    ]
+    return sorted(least)[len(least) // 2] if least else None
+
+
+def test_growth():
+    """A leak of 100 KB a fault is found among noise and steps; noise and steps are no leak."""
+    chance = random.Random(3)
+    for leak, step, is_leak in ((0, 0, False), (0, 14, False), (0.1, 0, True), (0.1, 14, True)):
+        for rounds in (4, 5, 8):
+            rows, value = [], 58.0
+            for index in range(rounds * len(SOAK)):
+                value += leak + (step if index == 2 * len(SOAK) + 3 else 0)
+                rows.append((SOAK[index % len(SOAK)][0], value + chance.uniform(-0.2, 0.2)))
+            found = growth(rows)
+            assert (found > MAX_GROWTH["MB"]) == is_leak, (leak, step, rounds, found)
+
+
+def judge_growth(rows):
+    """Checks that memory, threads and open files do not grow with the number of faults."""
+    # Without a whole round that every fault was tried in, half of the run counts as warm.
+    rounds = len(rows) / len({name for name, *_ in rows})
+    warm = rows[len(rows) // 2 if rounds < 2 else int(len(rows) / rounds) :]
+    for column, unit in ((1, "MB"), (2, "threads"), (3, "files")):
+        values = [row[column] for row in warm]
+        step = values[-1] - values[0]
+        check(
+            f"after the first round: {values[0]:.1f} {unit}, in the end {values[-1]:.1f}",
+            step <= MAX_STEP[unit],
+        )
+        found = growth([(row[0], row[column]) for row in rows])
+        if found is None:
+            print(f"        {unit}: too short to tell a leak, which takes four rounds of faults")
+        else:
+            check(f"growth a round: {found:.2f} {unit}", found <= MAX_GROWTH[unit])
+
+
+def soak(program, length, options, every, only):
+    """One fault after the other, for so many seconds."""
+    test_growth()
+    chosen = [fault for fault in SOAK if not only or fault[0] in only]
     rig = begin(program, *options)
     start = time.monotonic()
     rows, faults, calm = [], 0, []
     runaway = 0.0
     while time.monotonic() - start < length and rig.process.poll() is None:
-        name, fault = SOAK[faults % len(SOAK)]
+        name, fault = chosen[faults % len(chosen)]
         faults += 1
         minute = time.monotonic()
         before = len(rig.ages)
@@ -760,10 +829,10 @@ def soak(program, length, options):
                 runaway = max(runaway, at - earlier[-1])
         # Ages of the calm part of the minute, and of all of it.
         calm_from = len(rig.ages)
-        time.sleep(max(0, min(60 - (time.monotonic() - minute), start + length - time.monotonic())))
+        time.sleep(max(0, min(every - (time.monotonic() - minute), start + length - time.monotonic())))
         calm += rig.ages[calm_from:]
         memory, threads, files = rig.figures()
-        rows.append((memory, threads, files))
+        rows.append((name, memory, threads, files))
         print(
             f"        {time.monotonic() - start:6.0f} s {name}: again after {seconds(recovered)}, {len(rig.ages) - before} reports, "
             f"{memory:.1f} MB, {threads} threads, {files} files",
@@ -784,12 +853,7 @@ def soak(program, length, options):
         f"no rate follows the last box by more than the stall time-out ({runaway:.2f} s)",
         runaway < STALL,
     )
-    warm = rows[len(rows) // 5 :] or rows
-    first, final = warm[: max(1, len(warm) // 4)], warm[-max(1, len(warm) // 4) :]
-    mean = lambda part, column: sum(row[column] for row in part) / len(part)
-    for column, name, slack in ((0, "MB", 2), (1, "threads", 2), (2, "files", 2)):
-        a, b = mean(first, column), mean(final, column)
-        check(f"flat: {a:.1f} {name}, in the end {b:.1f}", b <= 1.05 * a + slack)
+    judge_growth(rows)
     size = (
         sum(os.path.getsize(os.path.join(rig.folder, name)) for name in os.listdir(rig.folder))
         / 2**20
@@ -804,11 +868,20 @@ def main():
     parser.add_argument(
         "--soak", type=float, metavar="SECONDS", help="one fault a minute, for so long"
     )
+    parser.add_argument(
+        "--every", type=float, default=60, metavar="SECONDS", help="time from fault to fault"
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        choices=[name for name, _ in SOAK],
+        help="soak with this fault alone; may be repeated",
+    )
     parser.add_argument("--model", help="built-in model or weights file")
     args = parser.parse_args()
     options = ["--model", args.model] if args.model else []
     if args.soak:
-        soak(args.program, args.soak, options)
+        soak(args.program, args.soak, options, args.every, args.only)
     else:
         table(args.program, options)
     print(f"{len(failures)} failed" if failures else "all passed")
