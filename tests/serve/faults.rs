@@ -470,3 +470,33 @@ fn clock_that_jumps_changes_nothing() {
     assert!(times.windows(2).all(|pair| pair[0] <= pair[1]), "{times:?}");
     assert!(times.last() < Some(&600_000.0), "{times:?}");
 }
+
+#[test]
+fn camera_that_repeats_one_frame_is_called_frozen_and_tracking_goes_on() {
+    let (station, address) = GroundStation::listen();
+    let page = Page::new();
+    let options = [
+        "--mavlink",
+        &address,
+        "--stall-ms",
+        "1500",
+        "--max-age-ms",
+        "1000",
+    ];
+    let (serving, camera) = serve_pipe(&[&options[..], &page.options()].concat());
+    station.insist(TRACK, PipeCamera::TARGET);
+
+    camera.repeat(true);
+    let frozen = until(|| Some(page.state()).filter(|state| state["source"] == "frozen"));
+    let tracked = until(|| Some(page.state()).filter(|state| !state["box"].is_null()));
+    station.insist(TRACK, PipeCamera::TARGET);
+    camera.repeat(false);
+    let live = until(|| Some(page.state()).filter(|state| state["source"] == "live"));
+
+    assert!(frozen.is_some(), "never frozen");
+    assert_eq!(tracked.expect("tracking goes on")["source"], "frozen");
+    assert!(live.is_some(), "never live again");
+    let said = serving.said();
+    assert!(said.contains("frozen, the same frame for 1.5 s"), "{said}");
+    assert_eq!(serving.end(), Some(0));
+}

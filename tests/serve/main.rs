@@ -2,6 +2,7 @@
 //!
 //! | file | what is tested |
 //! |---|---|
+//! | `commands.rs` | commands as JSON lines from other programs |
 //! | `faults.rs` | frames stop, disks fill, links break, viewers sleep, the program is killed |
 //! | `log.rs` | a flight done again, box for box |
 //! | `mavlink.rs` | MAVLink as ground stations speak it |
@@ -10,6 +11,7 @@
 
 #![cfg(all(feature = "serve", unix))]
 
+mod commands;
 mod faults;
 mod log;
 mod mavlink;

@@ -152,6 +152,7 @@ impl Drop for Folder {
 /// A camera on a pipe: a checkered target, off the middle of a patchwork, ten frames a second.
 pub struct PipeCamera {
     is_on: Arc<AtomicBool>,
+    repeats: Arc<AtomicBool>,
 }
 
 impl PipeCamera {
@@ -163,20 +164,30 @@ impl PipeCamera {
     pub fn start(mut pipe: ChildStdin) -> PipeCamera {
         let is_on = Arc::new(AtomicBool::new(true));
         let switch = Arc::clone(&is_on);
-        let frame = PipeCamera::frame();
+        let repeats = Arc::new(AtomicBool::new(false));
+        let is_frozen = Arc::clone(&repeats);
+        let mut frame = PipeCamera::frame();
         std::thread::spawn(move || {
             loop {
+                if !is_frozen.load(Ordering::Relaxed) {
+                    frame[0] = frame[0].wrapping_add(1); // the noise of a sensor
+                }
                 if switch.load(Ordering::Relaxed) && pipe.write_all(&frame).is_err() {
                     return;
                 }
                 std::thread::sleep(Duration::from_millis(100));
             }
         });
-        PipeCamera { is_on }
+        PipeCamera { is_on, repeats }
     }
 
     pub fn turn(&self, on: bool) {
         self.is_on.store(on, Ordering::Relaxed);
+    }
+
+    /// Repeats the last frame for ever, as a hung encoder does.
+    pub fn repeat(&self, on: bool) {
+        self.repeats.store(on, Ordering::Relaxed);
     }
 
     fn frame() -> Vec<u8> {

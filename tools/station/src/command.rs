@@ -56,8 +56,7 @@ impl Target {
                     .max(8.0);
                 FrameBox::new(x * w - side / 2.0, y * h - side / 2.0, side, side)
             }
-            // A client that names pixels knows the frame; the tracker judges the box.
-            Target::Pixels(bbox) => return Ok(bbox),
+            Target::Pixels(bbox) => bbox,
         };
         if bbox.w < MIN_SIDE || bbox.h < MIN_SIDE {
             return Err(format!(
@@ -88,12 +87,16 @@ pub enum Command {
 
 impl Command {
     /// Reads a start: `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares
-    /// of the frame, and `"frame"`, the number of the frame in which they were drawn, if it is
-    /// known.
+    /// of the frame, or `{"box": [left, top, width, height]}` in its pixels; and `"frame"`, the
+    /// number of the frame in which they were seen, if it is known.
     ///
     /// `None` if the bytes are anything else.
     pub fn from_json(bytes: &[u8]) -> Option<Command> {
-        let value: Value = serde_json::from_slice(bytes).ok()?;
+        Command::start(&serde_json::from_slice(bytes).ok()?)
+    }
+
+    /// Reads a start as [`from_json`](Self::from_json) does; other fields are ignored.
+    pub fn start(value: &Value) -> Option<Command> {
         let numbers = |field: &str| -> Option<Vec<f32>> {
             let mut numbers = Vec::new();
             for number in value.get(field)?.as_array()? {
@@ -103,9 +106,11 @@ impl Command {
         };
         let rectangle = numbers("rectangle");
         let point = numbers("point");
-        let target = match (rectangle.as_deref(), point.as_deref()) {
-            (Some(&[x1, y1, x2, y2]), None) => Target::Rectangle([x1, y1, x2, y2]),
-            (None, Some(&[x, y])) => Target::Point { x, y, radius: None },
+        let pixels = numbers("box");
+        let target = match (rectangle.as_deref(), point.as_deref(), pixels.as_deref()) {
+            (Some(&[x1, y1, x2, y2]), None, None) => Target::Rectangle([x1, y1, x2, y2]),
+            (None, Some(&[x, y]), None) => Target::Point { x, y, radius: None },
+            (None, None, Some(&[x, y, w, h])) => Target::Pixels(FrameBox::new(x, y, w, h)),
             _ => return None,
         };
         let frame = match value.get("frame") {
@@ -137,7 +142,7 @@ impl Command {
         if is_sound {
             Ok(())
         } else {
-            Err("expected a rectangle or point within the frame".into())
+            Err("expected a rectangle, point or box within the frame".into())
         }
     }
 }
@@ -306,8 +311,13 @@ mod tests {
                 r#"{"point": [0.5, 0.25], "frame": 12}"#,
                 start(point, Some(12)),
             ),
+            (
+                r#"{"box": [12, 8.5, 40, 30]}"#,
+                start(Target::Pixels(FrameBox::new(12.0, 8.5, 40.0, 30.0)), None),
+            ),
             ("", None),
             ("{}", None),
+            (r#"{"box": [1, 2, 3, 4], "point": [0.5, 0.25]}"#, None),
             ("[1,2,3,4]", None),
             (r#"{"rectangle": [0, 1]}"#, None),
             (r#"{"point": ["a", 1]}"#, None),

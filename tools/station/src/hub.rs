@@ -105,7 +105,7 @@ impl Hub {
         if let Err(reason) = command.check() {
             return Receipt::resolved(Outcome::Refused(reason));
         }
-        if command.needs_frames() && self.health() != Health::Live {
+        if command.needs_frames() && !self.health().delivers() {
             return Receipt::resolved(Outcome::NoFrames);
         }
         let mut commands = lock(&self.commands);

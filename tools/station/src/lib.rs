@@ -54,6 +54,7 @@
 //! | `health.rs` | health of the source, the stall time-out |
 //! | `slot.rs` | latest frame wins |
 //! | `hub.rs`, `command.rs`, `report.rs` | commands in, reports out, and how both age |
+//! | `commands/` | commands as JSON lines from other programs |
 //! | `ring.rs` | the pictures that viewers saw, for boxes drawn in them |
 //! | `lines.rs`, `log/`, `notify.rs`, `say.rs` | JSON lines, the flight log, systemd, standard error |
 //! | `mavlink/` | the camera that autopilots and ground stations see |
@@ -67,6 +68,7 @@
 mod ages;
 pub mod camera;
 mod command;
+pub mod commands;
 mod engine;
 mod error;
 mod feed;

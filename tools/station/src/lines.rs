@@ -23,6 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Where the lines go.
 pub struct Lines {
     printer: Option<Printer>,
+    prints_reports: bool,
     socket: Option<UdpSocket>,
 }
 
@@ -37,15 +38,18 @@ struct Printer {
 impl Lines {
     /// Lines for standard output, if `print`, and for an address; none is lost if `every` counts.
     ///
+    /// With `answers`, lines that are handed to [`Self::printer`] go to standard output as well.
+    ///
     /// # Errors
     /// If the address is unusable.
-    pub fn new(print: bool, udp: Option<&str>, every: bool) -> Result<Lines, Error> {
+    pub fn new(print: bool, answers: bool, udp: Option<&str>, every: bool) -> Result<Lines, Error> {
         let socket = udp
             .map(connect)
             .transpose()
             .map_err(|error| Error::output(format!("--udp {}", udp.unwrap_or_default()), error))?;
         Ok(Lines {
-            printer: print.then(|| Printer::start(every)),
+            printer: (print || answers).then(|| Printer::start(every)),
+            prints_reports: print,
             socket,
         })
     }
@@ -55,7 +59,7 @@ impl Lines {
     /// # Errors
     /// If the reader of standard output has gone.
     pub fn write(&mut self, view: &View) -> Result<(), Error> {
-        if self.printer.is_none() && self.socket.is_none() {
+        if !self.prints_reports && self.socket.is_none() {
             return Ok(());
         }
         let line = view.to_json().to_string();
@@ -63,14 +67,20 @@ impl Lines {
             let _ = socket.send(line.as_bytes()); // a missing listener is no fault of ours
         }
         match &mut self.printer {
-            Some(printer) => printer.print(line),
-            None => Ok(()),
+            Some(printer) if self.prints_reports => printer.print(line),
+            _ => Ok(()),
         }
+    }
+
+    /// Where further lines for standard output are handed in.
+    pub fn printer(&self) -> Option<SyncSender<String>> {
+        self.printer.as_ref().map(|printer| printer.queue.clone())
     }
 
     /// Stops writing to standard output.
     pub fn silence(&mut self) {
         self.printer = None;
+        self.prints_reports = false;
     }
 
     /// Waits until every line is written, or the reader has been slow for too long.
@@ -170,7 +180,7 @@ mod tests {
     #[test]
     fn address_that_is_none_is_refused_by_name() {
         for (address, reason) in [("nonsense", ""), ("127.0.0.1:0", "a port above 0")] {
-            let refused = Lines::new(false, Some(address), false).err();
+            let refused = Lines::new(false, false, Some(address), false).err();
 
             let message = refused.map(|error| error.to_string()).unwrap_or_default();
             let start = format!("--udp {address}: ");

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use crate::ages::Ages;
 use crate::command::{Command, Outcome, Pending, Target};
+use crate::commands::{self, Place};
 use crate::engine::Engine;
 use crate::error::Error;
 use crate::feed::{Feed, Feeder};
@@ -54,6 +55,8 @@ pub struct Options {
     pub mavlink: MavlinkOptions,
     /// The web page.
     pub http: HttpOptions,
+    /// Where commands come from as JSON lines.
+    pub commands: Vec<Place>,
 }
 
 impl Default for Options {
@@ -70,6 +73,7 @@ impl Default for Options {
             head: Value::Null,
             mavlink: MavlinkOptions::default(),
             http: HttpOptions::default(),
+            commands: Vec::new(),
         }
     }
 }
@@ -111,9 +115,15 @@ impl Station {
             .clone()
             .map(|log| Log::create(log, options.head.clone()))
             .transpose()?;
-        let lines = Lines::new(options.print, options.udp.as_deref(), options.every_frame)?;
+        let lines = Lines::new(
+            options.print,
+            options.commands.contains(&Place::Stdin),
+            options.udp.as_deref(),
+            options.every_frame,
+        )?;
         let mut threads = mavlink::start(&options.mavlink, &hub)?;
         threads.extend(http::start(&options.http, &hub)?);
+        threads.extend(commands::start(&options.commands, &hub, lines.printer())?);
         let slot = Arc::new(Slot::default());
         let feeder = feed.start(options.every_frame, Arc::clone(&slot), Arc::clone(&hub));
 
@@ -218,11 +228,15 @@ impl Tracking<'_> {
                 let stall = self.options.limits.stall.as_secs_f64();
                 say!("source: stalled, no frame for {stall:.1} s");
             }
+            if health == Health::Frozen {
+                let stall = self.options.limits.stall.as_secs_f64();
+                say!("source: frozen, the same frame for {stall:.1} s; tracking goes on");
+            }
             if let Some(log) = &mut self.log {
                 log.source(time_ms, health, reason.as_deref());
             }
         }
-        let is_silent = !matches!(health, Health::Live | Health::Ended);
+        let is_silent = !health.delivers() && health != Health::Ended;
         let is_due = has_changed || now >= self.reminder;
         if is_silent && is_due && !self.options.every_frame {
             self.reminder = now + REMINDER;
@@ -381,6 +395,9 @@ impl Tracking<'_> {
 
     /// Whether somebody may start a target.
     fn has_clients(&self) -> bool {
-        self.options.http.address.is_some() || !self.options.mavlink.links.is_empty()
+        let options = self.options;
+        options.http.address.is_some()
+            || !options.mavlink.links.is_empty()
+            || !options.commands.is_empty()
     }
 }

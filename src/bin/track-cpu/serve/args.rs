@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use serde_json::json;
+use station::commands::Place;
 use station::http::HttpOptions;
 use station::log::{self, LogOptions};
 use station::mavlink::MavlinkOptions;
@@ -26,7 +27,12 @@ flight:[seed=N],[difficulty=easy|medium|hard],[size=WxH],[frames=N].
 
 Only the newest frame is tracked; the others are counted as dropped. One JSON object per tracked
 frame goes to standard output. A camera or stream that fails, ends or falls silent is opened again.
-SIGTERM and SIGINT end the program in order.";
+SIGTERM and SIGINT end the program in order.
+
+Commands: {\"command\": \"start\", \"box\": [left, top, width, height]} in pixels; \"rectangle\": [left,
+top, right, bottom] or \"point\": [x, y] in shares of the frame in place of \"box\", and \"frame\": N if
+they were seen in that frame; {\"command\": \"stop\"}; {\"command\": \"state\"}. Each is answered once it
+is carried out: {\"done\": true}, or false with an \"error\"; an \"id\" is repeated.";
 
 /// `serve`.
 #[derive(Debug, clap::Args)]
@@ -74,9 +80,13 @@ pub struct ServeArgs {
     /// Send every JSON line to this address as well, one UDP datagram each.
     #[arg(long, value_name = "ADDR")]
     pub udp: Option<String>,
-    /// Write no JSON lines to standard output.
+    /// Write no report to standard output.
     #[arg(long)]
     pub quiet: bool,
+    /// Take commands as JSON lines, and answer each with one: udp:PORT of this machine, unix:PATH,
+    /// or - for standard input. May be repeated.
+    #[arg(long, value_name = "WHERE")]
+    pub commands: Vec<Place>,
     /// How the network runs.
     #[command(flatten)]
     pub engine: EngineArgs,
@@ -217,6 +227,7 @@ impl ServeArgs {
             head,
             mavlink: self.mavlink.options(),
             http: self.http.options(),
+            commands: self.commands.clone(),
         }
     }
 }

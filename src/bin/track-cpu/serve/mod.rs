@@ -13,16 +13,23 @@ mod feed;
 pub mod replay;
 
 use station::Station;
+use station::commands::Place;
+use track_cpu::{BBox, TrackError};
 
 use crate::exit::Failure;
-use crate::follow::check_pixels;
 use args::ServeArgs;
 use engine::TrackerEngine;
 
 /// Runs `serve`.
 pub fn run(args: &ServeArgs) -> Result<(), Failure> {
-    if let Some(bbox) = args.init {
-        check_pixels(bbox)?;
+    // Refused at the start, even where a client could name another target.
+    if let Some(bbox) = args.init.filter(BBox::is_in_shares) {
+        let BBox { x, y, w, h } = bbox;
+        return Err(TrackError::Shares { x, y, w, h }.into());
+    }
+    if args.input.as_os_str() == "-" && args.commands.contains(&Place::Stdin) {
+        let reason = "standard input holds the frames, expected another place";
+        return Err(station::Error::output("--commands -", reason).into());
     }
     let model = args.engine.model(args.model.name())?;
     let (feed, repeats) = feed::open(args).map_err(station::Error::Source)?;

@@ -7,7 +7,7 @@
 //! | `GET /frame` | the newest frame in full size as JPEG; `X-Frame` numbers it, and it is kept for a minute |
 //! | `GET /events` | a report (JSON) per event, at most 30 a second and at least 2 |
 //! | `GET /state` | the newest report |
-//! | `POST /start` | `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares of the frame; `"frame"` may number the frame in which they were drawn; needs the token |
+//! | `POST /start` | `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares of the frame, or `{"box": [left, top, width, height]}` in pixels; `"frame"` may number the frame in which they were drawn; needs the token |
 //! | `POST /stop` | needs the token |
 //!
 //! The token travels in the header `X-Token`, which no other site's page can make a browser send.
@@ -302,7 +302,7 @@ impl Site {
             ("POST", "/stop") => self.command(Command::Stop),
             ("POST", "/start") => match Command::from_json(&request.body) {
                 Some(command) => self.command(command),
-                None => Answer::error(400, "expected a rectangle or a point"),
+                None => Answer::error(400, "expected a rectangle, a point or a box"),
             },
             ("GET" | "HEAD" | "POST", _) => Answer::text(404, "not found\n"),
             _ => Answer::text(405, "method not allowed\n"),

@@ -1,0 +1,175 @@
+//! A line and its answer: requests are handed to the hub, and answered when their outcome is known.
+
+use serde_json::{Map, Value};
+
+use super::MAX_LINE;
+use crate::command::{Command, Outcome, Receipt};
+use crate::hub::Hub;
+
+/// What a line asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// That a command is carried out.
+    Command(Command),
+    /// The newest report.
+    State,
+}
+
+impl Request {
+    /// Reads a line; returns its `"id"` as well.
+    ///
+    /// # Errors
+    /// Says what was expected where the line is no request.
+    pub fn from_json(bytes: &[u8]) -> (Option<Value>, Result<Request, String>) {
+        let Ok(Value::Object(fields)) = serde_json::from_slice(bytes) else {
+            return (None, Err("expected a JSON object".into()));
+        };
+        let value = Value::Object(fields);
+        let id = value.get("id").cloned();
+        let request = match value.get("command").and_then(Value::as_str) {
+            Some("stop") => Ok(Request::Command(Command::Stop)),
+            Some("state") => Ok(Request::State),
+            Some("start") => Command::start(&value).map(Request::Command).ok_or_else(|| {
+                "expected one of \"box\" (4 numbers), \"rectangle\" (4) and \"point\" (2)".into()
+            }),
+            _ => Err("expected \"command\": \"start\", \"stop\" or \"state\"".into()),
+        };
+        (id, request)
+    }
+}
+
+/// Requests whose answers are owed to peers.
+pub struct Desk<P> {
+    owed: Vec<(P, Option<Value>, Receipt)>,
+    known: Vec<(P, String)>,
+}
+
+impl<P> Default for Desk<P> {
+    fn default() -> Desk<P> {
+        Desk {
+            owed: Vec::new(),
+            known: Vec::new(),
+        }
+    }
+}
+
+impl<P> Desk<P> {
+    /// Takes a peer's line.
+    pub fn take(&mut self, hub: &Hub, line: &[u8], peer: P) {
+        let (id, request) = Request::from_json(line);
+        match request {
+            // The hub bounds how many commands wait, so that as many answers are owed at most.
+            Ok(Request::Command(command)) => self.owed.push((peer, id, hub.command(command))),
+            Ok(Request::State) => {
+                let mut answer = answer(id, true);
+                answer.insert("report".into(), hub.view().to_json());
+                self.known.push((peer, Value::Object(answer).to_string()));
+            }
+            Err(reason) => self.known.push((peer, refusal(id, &reason))),
+        }
+    }
+
+    /// Whether answers are owed that are not known yet.
+    pub fn owes_answers(&self) -> bool {
+        !self.owed.is_empty()
+    }
+
+    /// The answers that are known now, each with its peer.
+    pub fn answers(&mut self) -> Vec<(P, String)> {
+        let mut answers = std::mem::take(&mut self.known);
+        for (peer, id, receipt) in std::mem::take(&mut self.owed) {
+            match receipt.outcome() {
+                None => self.owed.push((peer, id, receipt)),
+                Some(Outcome::Done) => {
+                    answers.push((peer, Value::Object(answer(id, true)).to_string()));
+                }
+                Some(outcome) => answers.push((peer, refusal(id, &outcome.words()))),
+            }
+        }
+        answers
+    }
+}
+
+/// The answer to a line that is longer than any request.
+pub fn too_long() -> String {
+    refusal(None, &format!("expected at most {MAX_LINE} bytes"))
+}
+
+fn refusal(id: Option<Value>, reason: &str) -> String {
+    let mut answer = answer(id, false);
+    answer.insert("error".into(), reason.into());
+    Value::Object(answer).to_string()
+}
+
+fn answer(id: Option<Value>, is_done: bool) -> Map<String, Value> {
+    let mut answer = Map::new();
+    answer.extend(id.map(|id| ("id".to_string(), id)));
+    answer.insert("done".into(), is_done.into());
+    answer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::command::Target;
+    use crate::hub::Limits;
+    use crate::picture::FrameBox;
+    use std::time::Instant;
+
+    #[test]
+    fn request_is_read_with_its_id() {
+        let read = |text: &str| Request::from_json(text.as_bytes());
+        let start = Command::Start {
+            target: Target::Pixels(FrameBox::new(1.0, 2.0, 30.0, 40.0)),
+            frame: Some(5),
+        };
+
+        let text = r#"{"id": "a", "command": "start", "box": [1, 2, 30, 40], "frame": 5}"#;
+        let id = Some(Value::from("a"));
+        assert_eq!(read(text), (id, Ok(Request::Command(start))));
+        let stop = r#"{"command": "stop"}"#;
+        assert_eq!(read(stop), (None, Ok(Request::Command(Command::Stop))));
+        let state = r#"{"command": "state", "id": 7}"#;
+        assert_eq!(read(state), (Some(7.into()), Ok(Request::State)));
+        for (text, part) in [
+            ("", "a JSON object"),
+            ("[1]", "a JSON object"),
+            ("{}", "\"start\", \"stop\" or \"state\""),
+            (r#"{"command": "jump"}"#, "\"start\", \"stop\" or \"state\""),
+            (r#"{"command": "start"}"#, "expected one of \"box\""),
+        ] {
+            let refused = read(text).1.unwrap_err();
+            assert!(refused.contains(part), "{text}: {refused}");
+        }
+    }
+
+    #[test]
+    fn answer_is_given_when_the_outcome_is_known() {
+        let hub = Hub::new(Limits::default());
+        hub.tell(|pulse| pulse.frame(Instant::now()));
+        let mut desk = Desk::default();
+
+        desk.take(
+            &hub,
+            br#"{"id": 1, "command": "start", "point": [0.5, 0.5]}"#,
+            "a",
+        );
+        desk.take(
+            &hub,
+            br#"{"id": 2, "command": "start", "point": [7, 7]}"#,
+            "b",
+        );
+        desk.take(&hub, b"nonsense", "c");
+        let first = desk.answers();
+        hub.take_commands(true)[0].resolve(Outcome::Done);
+        let second = desk.answers();
+
+        let peers: Vec<&str> = first.iter().map(|(peer, _)| *peer).collect();
+        assert_eq!(peers, ["c", "b"]);
+        let refused = &first[1].1;
+        assert!(refused.contains(r#""done":false"#), "{refused}");
+        assert!(refused.contains("within the frame"), "{refused}");
+        assert_eq!(second, [("a", r#"{"done":true,"id":1}"#.to_string())]);
+        assert!(!desk.owes_answers());
+    }
+}
