@@ -149,11 +149,13 @@ pub enum SourceError {
         /// The expected content.
         reason: String,
     },
-    /// The external decoder is missing or failed.
-    #[error("{input}: ffmpeg {reason}")]
-    Ffmpeg {
+    /// The program that decodes is missing or failed.
+    #[error("{input}: {program} {reason}")]
+    Program {
         /// The input as given.
         input: String,
+        /// The program.
+        program: &'static str,
         /// The failure.
         reason: String,
     },

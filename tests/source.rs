@@ -2,10 +2,20 @@
 #![cfg(feature = "source")]
 
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use image::{ExtendedColorType, save_buffer};
 use track_cpu::ChannelOrder;
 use track_cpu::source::{Image, Input, PixelFormat, Prefetch, RawFormat, Source, SourceError};
+
+/// Whether a program is installed; says so if it is not.
+fn has_program(name: &str, option: &str) -> bool {
+    let found = Command::new(name).arg(option).output().is_ok();
+    if !found {
+        println!("skipped: {name} is not installed");
+    }
+    found
+}
 
 /// A fresh folder for one test.
 fn folder(name: &str) -> PathBuf {
@@ -108,11 +118,7 @@ fn selection_of_a_folder_or_pattern_gives_those_frames() {
 fn selection_of_a_stream_gives_those_frames() {
     let path = folder("stream").join("five.gray");
     std::fs::write(&path, (0..20).collect::<Vec<u8>>()).unwrap();
-    let raw = Some(RawFormat {
-        width: 2,
-        height: 2,
-        pixels: PixelFormat::Gray,
-    });
+    let raw = Some(RawFormat::new(2, 2, PixelFormat::Gray));
     let first = |start, end| -> Vec<u8> {
         let source = Source::open(&Input {
             raw,
@@ -290,11 +296,7 @@ fn dropped_prefetch_stops_reading() {
             (0..1_000_000u32).find(|_| pipe.write_all(&[7; 64 * 64]).is_err())
         }
     });
-    let raw = Some(RawFormat {
-        width: 64,
-        height: 64,
-        pixels: PixelFormat::Gray,
-    });
+    let raw = Some(RawFormat::new(64, 64, PixelFormat::Gray));
     let mut prefetch = Prefetch::new(
         Source::open(&Input {
             raw,
@@ -307,4 +309,96 @@ fn dropped_prefetch_stops_reading() {
     drop(prefetch);
     let written = writer.join().unwrap().expect("the reader closed the pipe");
     assert!(written < 100, "{written} frames were still read");
+}
+
+/// The size and middle pixel of an input's first frame.
+fn first_frame(input: &Input) -> ((usize, usize), [u8; 3]) {
+    let image = Source::open(input).unwrap().next().unwrap().unwrap();
+    let frame = image.frame();
+    let row = frame.row(image.height / 2);
+    let middle = 3 * (image.width / 2);
+    (
+        (image.width, image.height),
+        [row[middle], row[middle + 1], row[middle + 2]],
+    )
+}
+
+fn is_red([red, green, blue]: [u8; 3]) -> bool {
+    red > 200 && green < 60 && blue < 60
+}
+
+#[test]
+fn rtp_stream_on_a_port_is_decoded() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let port = socket.local_addr().unwrap().port() & !1; // RTP has an even one
+    drop(socket);
+    let sender = Command::new("ffmpeg")
+        .args([
+            "-v",
+            "error",
+            "-re",
+            "-f",
+            "lavfi",
+            "-i",
+            "color=red:size=160x120:rate=10",
+        ])
+        .args([
+            "-c:v", "mjpeg", "-pix_fmt", "yuvj420p", "-huffman", "default", "-f", "rtp",
+        ])
+        .arg(format!("rtp://127.0.0.1:{port}"))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn();
+    let mut sender = sender.unwrap();
+
+    let (size, middle) = first_frame(&Input::new(format!("rtp:{port}/jpeg")));
+
+    sender.kill().unwrap();
+    sender.wait().unwrap();
+    assert_eq!(size, (160, 120));
+    assert!(is_red(middle), "{middle:?}");
+}
+
+#[test]
+fn gstreamer_pipeline_delivers_its_frames() {
+    if !has_program("gst-launch-1.0", "--version") {
+        return;
+    }
+    let pipeline = "gst:videotestsrc pattern=red ! video/x-raw,width=160,height=120,framerate=10/1";
+
+    let (size, middle) = first_frame(&Input::new(pipeline));
+    let wrong = Source::open(&Input::new("gst:nosuchelement"))
+        .unwrap()
+        .next();
+
+    assert_eq!(size, (160, 120));
+    assert!(is_red(middle), "{middle:?}");
+    let message = wrong.unwrap().unwrap_err().to_string();
+    assert!(message.contains("gst-launch-1.0"), "{message}");
+    assert!(message.contains("nosuchelement"), "{message}");
+}
+
+#[test]
+fn own_arguments_reach_ffmpeg() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    let path = folder("arguments").join("clip");
+    std::fs::write(&path, [[200u8; 64 * 48], [90; 64 * 48]].concat()).unwrap();
+    let args = "-f rawvideo -pixel_format gray -video_size 64x48";
+    let input = Input {
+        ffmpeg_args: args.split(' ').map(str::to_string).collect(),
+        ..Input::new(format!("file://{}", path.display()))
+    };
+
+    let frames: Vec<_> = Source::open(&input).unwrap().map(Result::unwrap).collect();
+
+    let sizes: Vec<_> = frames
+        .iter()
+        .map(|image| (image.width, image.height))
+        .collect();
+    assert_eq!(sizes, [(64, 48); 2]);
 }

@@ -90,9 +90,9 @@ impl SourceError {
     pub fn ends_input(&self) -> bool {
         match self {
             SourceError::Io { .. } | SourceError::Decode { .. } => false,
-            SourceError::Empty { .. } | SourceError::Ffmpeg { .. } | SourceError::Format { .. } => {
-                true
-            }
+            SourceError::Empty { .. }
+            | SourceError::Program { .. }
+            | SourceError::Format { .. } => true,
         }
     }
 }

@@ -1,201 +1,189 @@
-//! The user's own `ffmpeg` as decoder: it is spawned and writes PPM frames into a pipe.
+//! The user's own `ffmpeg` as decoder: it writes PPM frames into a pipe.
 //!
 //! PPM, because every frame names its size, and ffmpeg knows the video's color space. Frames keep
 //! their order and number: they are stamped 1/25 s apart and asked for at 25 a second, which no
 //! version of ffmpeg answers by dropping or repeating any. (`-vsync` is gone since 9.0, and
 //! `-fps_mode` is new in 5.1.) Frames of another size are scaled by ffmpeg to that of the first.
-//!
-//! ffmpeg ends with success where a file is cut off or damaged, and only says so. Its words
-//! therefore count as an error at the end. Of a GIF or a transport stream that is cut off it says
-//! nothing: their last bytes are looked at here.
 
 use std::ffi::OsStr;
-use std::fs::File;
-use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
-use std::process::{Child, ChildStderr, ChildStdout, ExitStatus};
-use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
+use std::process::Command;
 
-use super::{LIVE_SCHEMES, child};
+use super::{Input, LIVE_SCHEMES, child};
 
-/// How much of its error output is kept: the end, where the reason stands.
-const KEPT_BYTES: usize = 1000;
-/// Lines of its error output that a message shows at most.
-const KEPT_LINES: usize = 5;
-/// Bytes of a packet of a transport stream; each begins with [`SYNC`].
-const PACKET: usize = 188;
-const SYNC: u8 = 0x47;
-/// The last byte of a GIF.
-const TRAILER: u8 = 0x3b;
+/// Protocols that a description of RTP streams may lead to.
+const RTP_PROTOCOLS: &str = "file,data,udp,rtp,crypto";
 
-/// A running ffmpeg; killed when dropped.
-pub(super) struct Ffmpeg {
-    child: Arc<Mutex<Child>>,
-    complaints: Option<JoinHandle<Option<String>>>,
-    file: Option<File>, // if a local one is decoded
+/// The command line that decodes the first video stream of `location` to PPM.
+///
+/// # Errors
+/// If the location names an RTP stream wrongly.
+pub(super) fn command(program: &OsStr, location: &OsStr, input: &Input) -> Result<Command, String> {
+    let mut command = child::command(program);
+    command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
+    let text = location.to_str().unwrap_or_default();
+    let rtp = text
+        .strip_prefix("rtp:")
+        .filter(|rest| !rest.starts_with("//"));
+    let is_description = rtp.is_some() || text.ends_with(".sdp");
+    let is_live = LIVE_SCHEMES.iter().any(|scheme| text.starts_with(scheme));
+    if input.is_live || is_live || is_description {
+        // Frames at once, rather than after five seconds of probing the stream.
+        command.args(["-fflags", "nobuffer", "-analyzeduration", "1000000"]);
+        // Decoding by frames keeps one frame back per thread, which costs 70 to 80 ms.
+        command.args(["-flags", "low_delay", "-thread_type", "slice"]);
+    }
+    if text.starts_with("rtsp://") {
+        // UDP loses packets, and whole frames with them.
+        command.args(["-rtsp_transport", "tcp"]);
+    }
+    if is_description {
+        command.args(["-f", "sdp", "-protocol_whitelist", RTP_PROTOCOLS]);
+    }
+    // The user's options come last, since ffmpeg takes the last one of a name.
+    command
+        .args(["-r", "25"])
+        .args(&input.ffmpeg_args)
+        .arg("-i");
+    match rtp {
+        Some(rtp) => {
+            let description = base64(description(rtp)?.as_bytes());
+            command.arg(format!("data:application/sdp;base64,{description}"))
+        }
+        None => command.arg(location),
+    };
+    // A filter is made again where the size changes: it counts on from the decoder's stamp.
+    let stamps = "setpts=STARTPTS+N/(25*TB)";
+    command.args(["-map", "0:v:0", "-vf", stamps, "-r", "25"]);
+    command.args([
+        "-f",
+        "image2pipe",
+        "-c:v",
+        "ppm",
+        "-pix_fmt",
+        "rgb24",
+        "pipe:1",
+    ]);
+    Ok(command)
 }
 
-/// Ends a blocked read of a [`Source`](super::Source) from another thread.
-pub struct Stopper(Arc<Mutex<Child>>);
+/// The session description of `PORT` or `PORT/CODEC`.
+fn description(rtp: &str) -> Result<String, String> {
+    let (port, codec) = rtp.split_once('/').unwrap_or((rtp, "h264"));
+    let wrong = || format!("expected rtp:PORT or rtp:PORT/h264, h265 or jpeg, found rtp:{rtp}");
+    let port: u16 = port.parse().map_err(|_| wrong())?;
+    // Payload types: 96 is the first one without a fixed meaning, 26 is JPEG.
+    let (payload, name) = match codec {
+        "h264" => (96, "H264"),
+        "h265" => (96, "H265"),
+        "jpeg" => (26, "JPEG"),
+        _ => return Err(wrong()),
+    };
+    let lines = [
+        "v=0".to_string(),
+        "o=- 0 0 IN IP4 127.0.0.1".into(),
+        "s=track-cpu".into(),
+        "c=IN IP4 0.0.0.0".into(),
+        "t=0 0".into(),
+        format!("m=video {port} RTP/AVP {payload}"),
+        format!("a=rtpmap:{payload} {name}/90000"),
+    ];
+    Ok(lines.join("\r\n") + "\r\n")
+}
 
-impl Stopper {
-    /// Kills the process, unless it is being waited for and so is about to end anyway.
-    pub fn stop(&self) {
-        if let Ok(mut child) = self.0.try_lock() {
-            let _ = child.kill(); // an error means that it has ended
+/// Bytes in base64, the one form in which ffmpeg takes data on its command line.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for chunk in bytes.chunks(3) {
+        let byte = |index: usize| u32::from(chunk.get(index).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for digit in 0..4 {
+            let value = (bits >> (18 - 6 * digit)) & 63;
+            // Three bytes have four digits, two have three, one has two.
+            let is_present = digit <= chunk.len();
+            text.push(if is_present {
+                char::from(DIGITS[value as usize])
+            } else {
+                '='
+            });
         }
     }
+    text
 }
 
-impl Ffmpeg {
-    /// Starts to decode the first video stream of `location`; frames come out of the pipe as PPM.
-    pub(super) fn decode(
-        program: &OsStr,
-        location: &OsStr,
-    ) -> Result<(Ffmpeg, ChildStdout), String> {
-        let mut command = child::command(program);
-        command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
-        let has_scheme = |scheme: &str| {
-            location
-                .to_str()
-                .is_some_and(|text| text.starts_with(scheme))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The arguments behind ffmpeg's own name.
+    fn arguments(input: &Input) -> Result<Vec<String>, String> {
+        let command = command(OsStr::new("ffmpeg"), input.location.as_os_str(), input)?;
+        let all: Vec<String> = command
+            .get_args()
+            .map(|argument| argument.to_string_lossy().into_owned())
+            .collect();
+        let start = all.iter().position(|argument| argument == "-nostdin");
+        Ok(all[start.unwrap()..].to_vec())
+    }
+
+    #[test]
+    fn stream_is_decoded_without_delay_and_a_file_as_it_is() {
+        for (location, is_live) in [
+            ("rtsp://a/b", true),
+            ("rtp:5600", true),
+            ("camera.sdp", true),
+            ("clip.mp4", false),
+            ("http://a/film.mp4", false),
+        ] {
+            let found = arguments(&Input::new(location)).unwrap();
+
+            let has_flag = found.iter().any(|argument| argument == "low_delay");
+            assert_eq!(has_flag, is_live, "{location}");
+        }
+        let input = Input {
+            is_live: true,
+            ..Input::new("http://a/b")
         };
-        if LIVE_SCHEMES.into_iter().any(has_scheme) {
-            // Frames at once, rather than after five seconds of probing the stream.
-            command.args(["-fflags", "nobuffer", "-analyzeduration", "1000000"]);
-            // Decoding by frames keeps one frame back per thread, which costs 70 to 80 ms.
-            command.args(["-flags", "low_delay", "-thread_type", "slice"]);
-        }
-        if has_scheme("rtsp://") {
-            // UDP loses packets, and whole frames with them.
-            command.args(["-rtsp_transport", "tcp"]);
-        }
-        command.args(["-r", "25", "-i"]).arg(location);
-        // A filter is made again where the size changes: it counts on from the decoder's stamp.
-        let stamps = "setpts=STARTPTS+N/(25*TB)";
-        command.args(["-map", "0:v:0", "-vf", stamps, "-r", "25"]);
-        command.args([
-            "-f",
-            "image2pipe",
-            "-c:v",
-            "ppm",
-            "-pix_fmt",
-            "rgb24",
-            "pipe:1",
-        ]);
-        let started = child::start(command, read_last_words);
-        let (child, pipe, complaints) = started.map_err(|error| match error.kind() {
-            ErrorKind::NotFound => {
-                "is needed to read video, but was not found: install it, put the frames into a \
-                 folder, or pipe them in (--input -)"
-                    .to_string()
-            }
-            _ => format!("could not be started: {error}"),
-        })?;
-        Ok((
-            Ffmpeg {
-                child: Arc::new(Mutex::new(child)),
-                complaints: Some(complaints),
-                file: local_file(location),
-            },
-            pipe,
-        ))
+        assert!(arguments(&input).unwrap().contains(&"low_delay".into()));
     }
 
-    /// A handle that stops this process from another thread.
-    pub(super) fn stopper(&self) -> Stopper {
-        Stopper(Arc::clone(&self.child))
+    #[test]
+    fn own_arguments_stand_last_before_the_input() {
+        let input = Input {
+            ffmpeg_args: vec!["-rtsp_transport".into(), "udp".into()],
+            ..Input::new("rtsp://a/b")
+        };
+
+        let found = arguments(&input).unwrap();
+
+        let at = found.iter().position(|argument| argument == "-i").unwrap();
+        assert_eq!(found[at - 2..at], ["-rtsp_transport", "udp"]);
     }
 
-    /// Waits for the end; whatever ffmpeg complained about is an error that carries its last words.
-    pub(super) fn finish(mut self) -> Result<(), String> {
-        let status = self.wait().ok_or("was lost")?;
-        let words = self.last_words();
-        if !status.success() {
-            return Err(format!("failed ({status}){words}"));
-        }
-        if !words.is_empty() {
-            return Err(format!("reported damage, and frames may be missing{words}"));
-        }
-        match self.file.take().map(missing_end) {
-            Some(Ok(Some(what))) => Err(format!("reported no damage, but {what}: it is cut short")),
-            _ => Ok(()),
+    #[test]
+    fn base64_has_the_digits_of_its_definition() {
+        // RFC 4648, section 10.
+        for (bytes, text) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            assert_eq!(base64(bytes.as_bytes()), text);
         }
     }
 
-    /// Ends ffmpeg because of a bad frame; returns `reason` and ffmpeg's last words.
-    pub(super) fn abort(mut self, reason: &str) -> String {
-        self.stopper().stop();
-        self.wait();
-        format!("delivered a bad frame: {reason}{}", self.last_words())
-    }
-
-    fn wait(&self) -> Option<ExitStatus> {
-        self.child.lock().ok()?.wait().ok()
-    }
-
-    /// The end of its error output, on lines of their own; empty if there was none.
-    fn last_words(&mut self) -> String {
-        let words = self
-            .complaints
-            .take()
-            .and_then(|thread| thread.join().ok()?)
-            .unwrap_or_default();
-        if words.is_empty() {
-            return words;
+    #[test]
+    fn rtp_port_is_described_or_refused() {
+        let described = description("5600").unwrap();
+        assert!(
+            described.contains("m=video 5600 RTP/AVP 96\r\n"),
+            "{described}"
+        );
+        assert!(description("5600/h265").unwrap().contains("H265"));
+        for wrong in ["", "x", "70000", "5600/vp9", "5600/"] {
+            let message = description(wrong).unwrap_err();
+            assert!(message.contains("expected rtp:PORT"), "{message}");
         }
-        format!(":\n{words}")
     }
-}
-
-impl Drop for Ffmpeg {
-    fn drop(&mut self) {
-        self.stopper().stop();
-        self.wait(); // so that no zombie is left
-    }
-}
-
-/// The file that a `file:` location names.
-fn local_file(location: &OsStr) -> Option<File> {
-    File::open(location.to_str()?.strip_prefix("file:")?).ok()
-}
-
-/// What the end of a GIF or transport stream lacks; `None` for whole ones and other files.
-fn missing_end(mut file: File) -> io::Result<Option<&'static str>> {
-    let mut head = Vec::new();
-    file.by_ref()
-        .take(PACKET as u64 + 1)
-        .read_to_end(&mut head)?;
-    let length = file.seek(SeekFrom::End(0))?;
-    if head.starts_with(b"GIF8") {
-        let mut tail = Vec::new();
-        file.seek(SeekFrom::Start(length.saturating_sub(PACKET as u64)))?;
-        file.read_to_end(&mut tail)?;
-        let last = tail.iter().rev().find(|byte| **byte != 0); // some are padded
-        let is_whole = last == Some(&TRAILER);
-        return Ok((!is_whole).then_some("the GIF has no end"));
-    }
-    let is_transport = head.first() == Some(&SYNC) && head.get(PACKET) == Some(&SYNC);
-    let is_whole = length % PACKET as u64 == 0;
-    Ok((is_transport && !is_whole).then_some("the transport stream ends within a packet"))
-}
-
-/// Reads to the end, so that the process never blocks on it, and keeps the last lines.
-fn read_last_words(mut errors: ChildStderr) -> String {
-    let mut kept = Vec::new();
-    let mut chunk = [0; 4096];
-    while let Ok(n @ 1..) = errors.read(&mut chunk) {
-        kept.extend_from_slice(&chunk[..n]);
-        let excess = kept.len().saturating_sub(KEPT_BYTES);
-        kept.drain(..excess);
-    }
-    let text = String::from_utf8_lossy(&kept);
-    // File names and metadata in it are a stranger's: no control character reaches the terminal.
-    let text = text.replace(|c: char| c.is_control() && c != '\n', " ");
-    let lines: Vec<&str> = text
-        .lines()
-        .map(str::trim_end)
-        .filter(|line| !line.is_empty())
-        .collect();
-    lines[lines.len().saturating_sub(KEPT_LINES)..].join("\n")
 }

@@ -73,11 +73,7 @@ pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
         return Err("the y4m header lacks W or H".into());
     };
     Ok(Layout {
-        raw: RawFormat {
-            width,
-            height,
-            pixels,
-        },
+        raw: RawFormat::new(width, height, pixels),
         range,
     })
 }
@@ -120,11 +116,7 @@ pub(super) fn read_ppm(reader: &mut impl Read) -> Result<Layout, String> {
         return Err(format!("PPM maximum {largest}, expected 255"));
     }
     Ok(Layout {
-        raw: RawFormat {
-            width,
-            height,
-            pixels: PixelFormat::Rgb24,
-        },
+        raw: RawFormat::new(width, height, PixelFormat::Rgb24),
         range: Range::Full,
     })
 }
@@ -163,15 +155,7 @@ mod tests {
         ] {
             match (parse_y4m(header), expected) {
                 (Ok(found), Ok((width, height, pixels))) => {
-                    assert_eq!(
-                        found.raw,
-                        RawFormat {
-                            width,
-                            height,
-                            pixels
-                        },
-                        "{header}"
-                    );
+                    assert_eq!(found.raw, RawFormat::new(width, height, pixels), "{header}");
                 }
                 (Err(message), Err(part)) => assert!(message.contains(part), "{header}: {message}"),
                 (found, _) => panic!("{header}: {found:?}"),

@@ -4,7 +4,8 @@
 //! |---|---|---|
 //! | folder, glob pattern, one image | jpg, jpeg, png, webp, bmp, pgm, ppm in natural order | `files.rs`, `decode.rs`, `jpeg.rs` |
 //! | `-`, a named pipe, a `.y4m` or `.ppm` file | y4m, PPM, or headerless frames in a [`RawFormat`] | `stream.rs`, `header.rs`, `pixels.rs` |
-//! | any other file, any URL | the user's own `ffmpeg`, spawned | `ffmpeg.rs` |
+//! | any other file, any URL, `rtp:PORT`, `X.sdp` | the user's own `ffmpeg`, spawned | `ffmpeg.rs`, `program.rs` |
+//! | `gst:PIPELINE` | the user's own `gst-launch-1.0`, spawned | `gstreamer.rs`, `program.rs` |
 //! | samples of 16 bits | stretched to 8 bits | `stretch.rs` |
 //! | frames that cannot be read | held, skipped or fatal: [`OnBadFrame`] | `bad_frames.rs` |
 //!
@@ -28,10 +29,12 @@ mod child;
 mod decode;
 mod ffmpeg;
 mod files;
+mod gstreamer;
 mod header;
 mod jpeg;
 mod pixels;
 mod prefetch;
+mod program;
 mod stream;
 mod stretch;
 
@@ -42,16 +45,18 @@ pub use crate::error::SourceError;
 use crate::frame::{ChannelOrder, Frame};
 pub use bad_frames::{BadFrame, BadFrames, OnBadFrame};
 pub use decode::Decoder;
-pub use ffmpeg::Stopper;
 pub use files::is_passed_over;
 pub use pixels::{PixelFormat, RawFormat};
 pub use prefetch::Prefetch;
+pub use program::Stopper;
 use stream::Stream;
 pub use stretch::Stretch;
 
 /// Beginnings of the addresses of streams that do not wait for their reader; other addresses may be
 /// films, of which every frame counts.
-pub const LIVE_SCHEMES: [&str; 5] = ["rtsp://", "rtmp://", "udp://", "tcp://", "srt://"];
+pub const LIVE_SCHEMES: [&str; 7] = [
+    "rtsp://", "rtsps://", "rtmp://", "rtp://", "udp://", "tcp://", "srt://",
+];
 
 /// Most bytes of one decoded picture: a bound on the memory that an untrusted file can claim.
 pub const MAX_FRAME_BYTES: u64 = 512 << 20;
@@ -62,7 +67,8 @@ const MAX_SPARE: usize = 4;
 /// Where frames come from, and which of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Input {
-    /// A folder, a glob pattern, an image, a video file, a URL, or `-` for standard input.
+    /// A folder, a glob pattern, an image, a video file, a URL, `rtp:PORT`, `gst:PIPELINE`, or `-`
+    /// for standard input.
     pub location: PathBuf,
     /// How headerless frames are laid out; `None` where the input describes itself.
     pub raw: Option<RawFormat>,
@@ -70,6 +76,10 @@ pub struct Input {
     pub start: usize,
     /// End of the frames wanted, exclusive; `None` for all.
     pub end: Option<usize>,
+    /// Further options of ffmpeg for this input.
+    pub ffmpeg_args: Vec<String>,
+    /// Whether a URL is known to be a live stream, which is decoded without delay.
+    pub is_live: bool,
 }
 
 impl Input {
@@ -80,6 +90,8 @@ impl Input {
             raw: None,
             start: 0,
             end: None,
+            ffmpeg_args: Vec::new(),
+            is_live: false,
         }
     }
 }
@@ -161,7 +173,7 @@ impl Source {
                 reason,
             });
         }
-        let (kind, note) = open_kind(&input.location, &label, input.raw)?;
+        let (kind, note) = open_kind(input, &label)?;
         let mut source = Source {
             places: places(&input.location, &kind),
             kind,
@@ -313,19 +325,21 @@ fn places(location: &Path, kind: &Kind) -> Vec<PathBuf> {
 }
 
 /// Decides how a location is read; returns a note on it as well.
-fn open_kind(
-    location: &Path,
-    label: &str,
-    raw: Option<RawFormat>,
-) -> Result<(Kind, Option<String>), SourceError> {
+fn open_kind(input: &Input, label: &str) -> Result<(Kind, Option<String>), SourceError> {
+    let location = input.location.as_path();
+    let raw = input.raw;
     let frames = |found: files::Found| (Kind::Files(found.files.into_iter()), found.note);
     let stream = |stream: Stream| (Kind::Stream(Box::new(stream)), None);
 
     if location.as_os_str() == "-" {
         return Stream::from_reader(Box::new(std::io::stdin()), label, raw).map(stream);
     }
-    if location.to_str().is_some_and(|text| text.contains("://")) {
-        return Stream::from_ffmpeg(location.as_os_str(), label).map(stream);
+    let text = location.to_str().unwrap_or_default();
+    if let Some(pipeline) = text.strip_prefix("gst:") {
+        return Stream::from_gstreamer(pipeline, label).map(stream);
+    }
+    if text.contains("://") || text.starts_with("rtp:") {
+        return Stream::from_ffmpeg(location.as_os_str(), label, input).map(stream);
     }
     let io = |error| SourceError::Io {
         path: location.into(),
@@ -348,7 +362,7 @@ fn open_kind(
             let file = vec![location.to_path_buf()];
             return Ok((Kind::Files(file.into_iter()), None));
         }
-        return Stream::from_ffmpeg(&files::file_url(location), label).map(stream);
+        return Stream::from_ffmpeg(&files::file_url(location), label, input).map(stream);
     }
     let file = std::fs::File::open(location).map_err(io)?;
     Stream::from_reader(Box::new(file), label, raw).map(stream)

@@ -19,6 +19,10 @@ pub enum PixelFormat {
     Bgr24,
     /// Three bytes a pixel: red, green, blue.
     Rgb24,
+    /// Four bytes a pixel: blue, green, red, and one that is ignored.
+    Bgra,
+    /// Four bytes a pixel: red, green, blue, and one that is ignored.
+    Rgba,
     /// One byte a pixel.
     Gray,
     /// Two bytes a pixel, the lower one first: stretched to one by the rule of [`Stretch`].
@@ -27,8 +31,12 @@ pub enum PixelFormat {
     Yuv420p,
     /// Plane Y, then U and V interleaved at half the width and half the height.
     Nv12,
+    /// Plane Y, then V and U interleaved at half the width and half the height.
+    Nv21,
     /// Y0 U Y1 V for every two pixels of a row.
     Yuyv422,
+    /// U Y0 V Y1 for every two pixels of a row.
+    Uyvy422,
     /// Planes Y, U, V; chroma at half the width.
     Yuv422p,
     /// Planes Y, U, V, all of full size.
@@ -37,28 +45,48 @@ pub enum PixelFormat {
 
 impl PixelFormat {
     /// Every format with the name that ffmpeg, and the command line, give it.
-    pub const NAMES: [(&'static str, PixelFormat); 9] = [
+    pub const NAMES: [(&'static str, PixelFormat); 13] = [
         ("bgr24", PixelFormat::Bgr24),
         ("rgb24", PixelFormat::Rgb24),
+        ("bgra", PixelFormat::Bgra),
+        ("rgba", PixelFormat::Rgba),
         ("gray", PixelFormat::Gray),
         ("gray16le", PixelFormat::Gray16Le),
         ("yuv420p", PixelFormat::Yuv420p),
         ("nv12", PixelFormat::Nv12),
+        ("nv21", PixelFormat::Nv21),
         ("yuyv422", PixelFormat::Yuyv422),
+        ("uyvy422", PixelFormat::Uyvy422),
         ("yuv422p", PixelFormat::Yuv422p),
         ("yuv444p", PixelFormat::Yuv444p),
     ];
 
-    /// The format of this name, if there is one.
+    /// The names that V4L2 and GStreamer give these formats, in lower case.
+    const OTHER_NAMES: [(&'static str, PixelFormat); 13] = [
+        ("bgr", PixelFormat::Bgr24),
+        ("rgb", PixelFormat::Rgb24),
+        ("bgr0", PixelFormat::Bgra),
+        ("rgb0", PixelFormat::Rgba),
+        ("bgrx", PixelFormat::Bgra),
+        ("rgbx", PixelFormat::Rgba),
+        ("grey", PixelFormat::Gray),
+        ("gray8", PixelFormat::Gray),
+        ("gray16_le", PixelFormat::Gray16Le),
+        ("i420", PixelFormat::Yuv420p),
+        ("yuyv", PixelFormat::Yuyv422),
+        ("yuy2", PixelFormat::Yuyv422),
+        ("uyvy", PixelFormat::Uyvy422),
+    ];
+
+    /// The format of this name, if there is one; V4L2's and GStreamer's names are known as well.
     pub fn from_name(name: &str) -> Option<PixelFormat> {
-        Self::NAMES
-            .iter()
-            .find(|(n, _)| *n == name)
-            .map(|&(_, format)| format)
+        let mut known = Self::NAMES.iter().chain(&Self::OTHER_NAMES);
+        let found = known.find(|(known, _)| known.eq_ignore_ascii_case(name));
+        found.map(|&(_, format)| format)
     }
 }
 
-/// A headerless frame: its size in pixels and their layout, rows without gaps.
+/// A headerless frame: its size in pixels and their layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawFormat {
     /// Width in pixels.
@@ -67,6 +95,17 @@ pub struct RawFormat {
     pub height: usize,
     /// Layout of the pixels.
     pub pixels: PixelFormat,
+    /// Bytes from one row of the first plane to the next; `None` for rows without gaps. Planes of
+    /// half the width have half of it.
+    pub stride: Option<usize>,
+}
+
+/// A plane of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Plane {
+    row: usize, // bytes of pixels
+    stride: usize,
+    rows: usize,
 }
 
 /// Which luma values are black and white.
@@ -79,11 +118,72 @@ pub(super) enum Range {
 }
 
 impl RawFormat {
-    /// Bytes of one frame.
+    /// Frames whose rows follow each other without gaps.
+    pub fn new(width: usize, height: usize, pixels: PixelFormat) -> RawFormat {
+        RawFormat {
+            width,
+            height,
+            pixels,
+            stride: None,
+        }
+    }
+
+    /// The planes of a frame, up to three.
+    fn planes(&self) -> impl Iterator<Item = Plane> {
+        let (w, h) = (self.width, self.height);
+        let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
+        let none = (0, 0);
+        let planes = match self.pixels {
+            PixelFormat::Bgr24 | PixelFormat::Rgb24 => [(3 * w, h), none, none],
+            PixelFormat::Bgra | PixelFormat::Rgba => [(4 * w, h), none, none],
+            PixelFormat::Gray => [(w, h), none, none],
+            PixelFormat::Gray16Le => [(2 * w, h), none, none],
+            PixelFormat::Yuv420p => [(w, h), (half_w, half_h), (half_w, half_h)],
+            PixelFormat::Nv12 | PixelFormat::Nv21 => [(w, h), (2 * half_w, half_h), none],
+            PixelFormat::Yuyv422 | PixelFormat::Uyvy422 => [(4 * half_w, h), none, none],
+            PixelFormat::Yuv422p => [(w, h), (half_w, h), (half_w, h)],
+            PixelFormat::Yuv444p => [(w, h), (w, h), (w, h)],
+        };
+        let is_halved = matches!(self.pixels, PixelFormat::Yuv420p | PixelFormat::Yuv422p);
+        let stride = self.stride;
+        planes
+            .into_iter()
+            .enumerate()
+            .filter(|(_, (row, _))| *row > 0)
+            .map(move |(index, (row, rows))| Plane {
+                row,
+                stride: match stride {
+                    None => row,
+                    Some(stride) if is_halved && index > 0 => stride.div_ceil(2),
+                    Some(stride) => stride,
+                },
+                rows,
+            })
+    }
+
+    /// Whether rows are followed by bytes that are no pixels.
+    fn has_gaps(&self) -> bool {
+        self.planes().any(|plane| plane.stride > plane.row)
+    }
+
+    /// Copies the rows of a frame without the gaps behind them.
+    fn close_gaps(&self, bytes: &[u8], out: &mut Vec<u8>) {
+        out.clear();
+        let mut rest = bytes;
+        for plane in self.planes() {
+            let (rows, behind) = rest.split_at(plane.stride * plane.rows);
+            for row in rows.chunks_exact(plane.stride) {
+                out.extend_from_slice(&row[..plane.row]);
+            }
+            rest = behind;
+        }
+    }
+
+    /// Bytes of one frame, with the gaps behind its rows.
     ///
     /// # Errors
-    /// If a side is 0 or above [`Frame::MAX_SIDE`], or if a frame would take more than
-    /// [`MAX_FRAME_BYTES`].
+    /// If a side is 0 or above [`Frame::MAX_SIDE`], if the stride is shorter than a row, or if a
+    /// frame would take more than [`MAX_FRAME_BYTES`].
     pub fn frame_bytes(&self) -> Result<usize, String> {
         let (w, h, max) = (self.width, self.height, Frame::MAX_SIDE);
         if !(1..=max).contains(&w) || !(1..=max).contains(&h) {
@@ -91,18 +191,18 @@ impl RawFormat {
                 "frames of {w}x{h} pixels, expected sides from 1 to {max}"
             ));
         }
-        let (w, h) = (w as u64, h as u64);
-        let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
-        let bytes = match self.pixels {
-            PixelFormat::Bgr24 | PixelFormat::Rgb24 | PixelFormat::Yuv444p => 3 * w * h,
-            PixelFormat::Gray => w * h,
-            PixelFormat::Gray16Le => 2 * w * h,
-            PixelFormat::Yuv420p | PixelFormat::Nv12 => w * h + 2 * half_w * half_h,
-            PixelFormat::Yuyv422 => 4 * half_w * h,
-            PixelFormat::Yuv422p => w * h + 2 * half_w * h,
-        };
+        let mut bytes = 0u64;
+        for plane in self.planes() {
+            if plane.stride < plane.row {
+                return Err(format!(
+                    "a stride of {} bytes is too short for rows of {w} pixels",
+                    self.stride.unwrap_or_default()
+                ));
+            }
+            bytes = bytes.saturating_add((plane.stride as u64).saturating_mul(plane.rows as u64));
+        }
         // YUV becomes RGB, so that counts as well.
-        if bytes.max(3 * w * h) > MAX_FRAME_BYTES {
+        if bytes.max(3 * w as u64 * h as u64) > MAX_FRAME_BYTES {
             return Err(format!(
                 "frames of {w}x{h} pixels, expected at most {MAX_FRAME_BYTES} bytes each"
             ));
@@ -112,7 +212,14 @@ impl RawFormat {
 
     /// The order of a frame whose bytes need no conversion.
     pub(super) fn ready(&self) -> Option<ChannelOrder> {
+        self.order().filter(|_| !self.has_gaps())
+    }
+
+    /// The order of pixels that need no conversion.
+    fn order(&self) -> Option<ChannelOrder> {
         match self.pixels {
+            PixelFormat::Bgra => Some(ChannelOrder::Bgra),
+            PixelFormat::Rgba => Some(ChannelOrder::Rgba),
             PixelFormat::Bgr24 => Some(ChannelOrder::Bgr),
             PixelFormat::Rgb24 => Some(ChannelOrder::Rgb),
             PixelFormat::Gray => Some(ChannelOrder::Gray),
@@ -130,11 +237,17 @@ impl RawFormat {
         stretch: &mut Stretch,
         out: &mut Vec<u8>,
     ) -> ChannelOrder {
-        if let Some(order) = self.ready() {
-            out.clear();
-            out.extend_from_slice(bytes);
+        if let Some(order) = self.order() {
+            self.close_gaps(bytes, out);
             return order;
         }
+        let mut without_gaps = Vec::new();
+        let bytes = if self.has_gaps() {
+            self.close_gaps(bytes, &mut without_gaps);
+            &without_gaps
+        } else {
+            bytes
+        };
         if self.pixels == PixelFormat::Gray16Le {
             let samples: Vec<u16> = bytes
                 .chunks_exact(2)
@@ -156,18 +269,29 @@ impl RawFormat {
         let (luma, chroma) = bytes.split_at(w * h); // every layout has that many at least
         for (y, out) in rgb.chunks_exact_mut(3 * w).enumerate() {
             match self.pixels {
-                PixelFormat::Yuyv422 => {
+                PixelFormat::Yuyv422 | PixelFormat::Uyvy422 => {
                     let row = &bytes[y * 4 * half_w..][..4 * half_w];
-                    for (pixels, group) in out.chunks_mut(6).zip(row.chunks_exact(4)) {
-                        for (pixel, luma) in pixels.chunks_exact_mut(3).zip([group[0], group[2]]) {
-                            pixel.copy_from_slice(&matrix.rgb(luma, group[1], group[3]));
+                    let is_luma_first = self.pixels == PixelFormat::Yuyv422;
+                    for (pixels, group) in out.chunks_mut(6).zip(row.as_chunks::<4>().0) {
+                        let [y0, u, y1, v] = if is_luma_first {
+                            *group
+                        } else {
+                            [group[1], group[0], group[3], group[2]]
+                        };
+                        for (pixel, luma) in pixels.chunks_exact_mut(3).zip([y0, y1]) {
+                            pixel.copy_from_slice(&matrix.rgb(luma, u, v));
                         }
                     }
                 }
-                PixelFormat::Nv12 => {
-                    let uv = &chroma[y / 2 * 2 * half_w..][..2 * half_w];
-                    let uv = uv.chunks_exact(2).map(|uv| (uv[0], uv[1]));
-                    convert_row(&matrix, out, &luma[y * w..], uv, 2);
+                PixelFormat::Nv12 | PixelFormat::Nv21 => {
+                    let pairs = &chroma[y / 2 * 2 * half_w..][..2 * half_w];
+                    let pairs = pairs.chunks_exact(2).map(|pair| (pair[0], pair[1]));
+                    let row = &luma[y * w..];
+                    if self.pixels == PixelFormat::Nv12 {
+                        convert_row(&matrix, out, row, pairs, 2);
+                    } else {
+                        convert_row(&matrix, out, row, pairs.map(|(v, u)| (u, v)), 2);
+                    }
                 }
                 _ => {
                     let (across, chroma_w, down, chroma_h) = match self.pixels {
@@ -256,11 +380,7 @@ mod tests {
     use super::*;
 
     fn convert(width: usize, height: usize, pixels: PixelFormat, bytes: &[u8]) -> Vec<u8> {
-        let raw = RawFormat {
-            width,
-            height,
-            pixels,
-        };
+        let raw = RawFormat::new(width, height, pixels);
         assert_eq!(raw.frame_bytes().unwrap(), bytes.len());
         let mut rgb = vec![0; 3 * width * height];
         raw.yuv_to_rgb(Range::Limited, bytes, &mut rgb);
@@ -312,6 +432,11 @@ mod tests {
             .chain(u.iter().zip(&v).flat_map(|(&u, &v)| [u, v]))
             .collect();
         assert_eq!(convert(w, h, PixelFormat::Nv12, &nv12), expected);
+        let mut nv21 = nv12.clone();
+        for pair in nv21[w * h..].chunks_exact_mut(2) {
+            pair.swap(0, 1);
+        }
+        assert_eq!(convert(w, h, PixelFormat::Nv21, &nv21), expected);
         for (format, step) in [(PixelFormat::Yuv422p, 2), (PixelFormat::Yuv444p, 1)] {
             let bytes = [luma.clone(), plane(&u, step), plane(&v, step)].concat();
             assert_eq!(convert(w, h, format, &bytes), expected, "{format:?}");
@@ -324,6 +449,11 @@ mod tests {
             }
         }
         assert_eq!(convert(w, h, PixelFormat::Yuyv422, &yuyv), expected);
+        let uyvy: Vec<u8> = yuyv
+            .chunks_exact(2)
+            .flat_map(|pair| [pair[1], pair[0]])
+            .collect();
+        assert_eq!(convert(w, h, PixelFormat::Uyvy422, &uyvy), expected);
         assert_eq!(
             &expected[..3],
             &Matrix::bt601(Range::Limited).rgb(40, 100, 90)
@@ -333,11 +463,7 @@ mod tests {
     #[test]
     fn one_pixel_in_every_layout_is_gray() {
         for (name, pixels) in PixelFormat::NAMES {
-            let raw = RawFormat {
-                width: 1,
-                height: 1,
-                pixels,
-            };
+            let raw = RawFormat::new(1, 1, pixels);
             let bytes = vec![128; raw.frame_bytes().unwrap()];
             let mut out = Vec::new();
 
@@ -353,12 +479,77 @@ mod tests {
     }
 
     #[test]
+    fn gaps_behind_rows_are_no_pixels() {
+        for (name, pixels) in PixelFormat::NAMES {
+            let tight = RawFormat::new(5, 3, pixels);
+            let widest = tight.planes().map(|plane| plane.row).max().unwrap();
+            let loose = RawFormat {
+                stride: Some(widest + 6),
+                ..tight
+            };
+            let whole: Vec<u8> = (0..tight.frame_bytes().unwrap())
+                .map(|i| 20 + i as u8)
+                .collect();
+            let mut rest = &whole[..];
+            let mut padded = Vec::new();
+            for plane in loose.planes() {
+                for _ in 0..plane.rows {
+                    let (row, behind) = rest.split_at(plane.row);
+                    padded.extend_from_slice(row);
+                    padded.resize(padded.len() + plane.stride - plane.row, 255);
+                    rest = behind;
+                }
+            }
+            let convert = |raw: &RawFormat, bytes: &[u8]| {
+                let mut out = Vec::new();
+                raw.convert(Range::Full, bytes, &mut Stretch::default(), &mut out);
+                out
+            };
+
+            assert_eq!(loose.frame_bytes(), Ok(padded.len()), "{name}");
+            assert_eq!(loose.ready(), None, "{name}");
+            assert_eq!(convert(&loose, &padded), convert(&tight, &whole), "{name}");
+        }
+    }
+
+    #[test]
+    fn stride_shorter_than_a_row_is_refused() {
+        for (pixels, stride) in [
+            (PixelFormat::Bgra, 19),
+            (PixelFormat::Nv12, 5),
+            (PixelFormat::Yuv420p, 4),
+            (PixelFormat::Gray, 0),
+        ] {
+            let raw = RawFormat {
+                stride: Some(stride),
+                ..RawFormat::new(5, 3, pixels)
+            };
+
+            let message = raw.frame_bytes().unwrap_err();
+
+            assert!(
+                message.contains(&format!("stride of {stride}")),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn format_is_known_by_every_name() {
+        for (name, pixels) in [
+            ("uyvy422", PixelFormat::Uyvy422),
+            ("UYVY", PixelFormat::Uyvy422),
+            ("I420", PixelFormat::Yuv420p),
+            ("BGRx", PixelFormat::Bgra),
+        ] {
+            assert_eq!(PixelFormat::from_name(name), Some(pixels), "{name}");
+        }
+        assert_eq!(PixelFormat::from_name("p010"), None);
+    }
+
+    #[test]
     fn sixteen_bits_are_read_with_the_lower_byte_first() {
-        let raw = RawFormat {
-            width: 3,
-            height: 1,
-            pixels: PixelFormat::Gray16Le,
-        };
+        let raw = RawFormat::new(3, 1, PixelFormat::Gray16Le);
         let bytes = [0x00, 0x10, 0x80, 0x10, 0x00, 0x11];
         let mut out = Vec::new();
 
@@ -378,11 +569,7 @@ mod tests {
             (5, 1 << 16, "5x65536"),
             (1 << 15, 1 << 15, "at most"),
         ] {
-            let raw = RawFormat {
-                width,
-                height,
-                pixels: PixelFormat::Yuv420p,
-            };
+            let raw = RawFormat::new(width, height, PixelFormat::Yuv420p);
             let message = raw.frame_bytes().unwrap_err();
             assert!(message.contains(part), "{message}");
         }

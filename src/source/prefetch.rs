@@ -3,7 +3,7 @@
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 
-use super::ffmpeg::Stopper;
+use super::program::Stopper;
 use super::{Image, Source, SourceError};
 
 /// A [`Source`] that decodes on its own thread while the caller works on the frames before.

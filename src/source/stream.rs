@@ -3,11 +3,12 @@
 
 use std::ffi::OsStr;
 use std::io::{BufReader, ErrorKind, Read};
+use std::process::Command;
 
-use super::ffmpeg::{Ffmpeg, Stopper};
 use super::header::{Layout, parse_y4m, read_line, read_ppm};
 use super::pixels::Range;
-use super::{Image, RawFormat, SourceError, Stretch};
+use super::program::{Program, Stopper};
+use super::{Image, Input, RawFormat, SourceError, Stretch, ffmpeg, gstreamer};
 
 /// What stands in front of each frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +31,8 @@ pub(super) struct Stream {
     stretch: Stretch,       // of 16-bit frames
     frame: usize,           // index of the frame that follows
     label: String,          // the input as given
-    decoder: Option<Ffmpeg>,
+    decoder: Option<Program>,
+    program: &'static str, // the decoder's name
 }
 
 impl Stream {
@@ -58,19 +60,62 @@ impl Stream {
     }
 
     /// Has `ffmpeg` decode a file or URL.
-    pub(super) fn from_ffmpeg(location: &OsStr, label: &str) -> Result<Stream, SourceError> {
-        Self::from_program(OsStr::new("ffmpeg"), location, label)
+    pub(super) fn from_ffmpeg(
+        location: &OsStr,
+        label: &str,
+        input: &Input,
+    ) -> Result<Stream, SourceError> {
+        Self::from_program(OsStr::new("ffmpeg"), location, label, input)
     }
 
-    fn from_program(program: &OsStr, location: &OsStr, label: &str) -> Result<Stream, SourceError> {
-        let wrong = |reason| SourceError::Ffmpeg {
-            input: label.to_string(),
-            reason,
-        };
-        let (decoder, pipe) = Ffmpeg::decode(program, location).map_err(wrong)?;
-        let mut stream = Stream::new(Box::new(pipe), label);
-        stream.decoder = Some(decoder);
+    fn from_program(
+        program: &OsStr,
+        location: &OsStr,
+        label: &str,
+        input: &Input,
+    ) -> Result<Stream, SourceError> {
+        let mut stream = Stream::new(Box::new(std::io::empty()), label);
+        let command = ffmpeg::command(program, location, input);
+        let command = command.map_err(|reason| stream.wrong(reason))?;
+        stream.run("ffmpeg", command, location)?;
         Ok(stream)
+    }
+
+    /// Has GStreamer run a pipeline.
+    pub(super) fn from_gstreamer(pipeline: &str, label: &str) -> Result<Stream, SourceError> {
+        Self::from_launcher(OsStr::new(gstreamer::PROGRAM), pipeline, label)
+    }
+
+    fn from_launcher(program: &OsStr, pipeline: &str, label: &str) -> Result<Stream, SourceError> {
+        let mut stream = Stream::new(Box::new(std::io::empty()), label);
+        let command = gstreamer::command(program, pipeline);
+        stream.run(gstreamer::PROGRAM, command, OsStr::new(""))?;
+        // Its header is read with the first frame, so that a silent camera can be stopped.
+        stream.container = Container::Y4m;
+        Ok(stream)
+    }
+
+    /// Reads what a program writes.
+    fn run(
+        &mut self,
+        name: &'static str,
+        command: Command,
+        location: &OsStr,
+    ) -> Result<(), SourceError> {
+        self.program = name;
+        let started = Program::start(command, location);
+        let (decoder, pipe) = started.map_err(|reason| self.failed(reason))?;
+        self.reader = BufReader::with_capacity(1 << 16, Box::new(pipe));
+        self.decoder = Some(decoder);
+        Ok(())
+    }
+
+    fn failed(&self, reason: String) -> SourceError {
+        SourceError::Program {
+            input: self.label.clone(),
+            program: self.program,
+            reason,
+        }
     }
 
     fn new(reader: Box<dyn Read + Send>, label: &str) -> Stream {
@@ -84,12 +129,13 @@ impl Stream {
             frame: 0,
             label: label.to_string(),
             decoder: None,
+            program: "",
         }
     }
 
     /// What ends a blocked read from another thread.
     pub(super) fn stopper(&self) -> Option<Stopper> {
-        self.decoder.as_ref().map(Ffmpeg::stopper)
+        self.decoder.as_ref().map(Program::stopper)
     }
 
     /// The next frame, in `buffer`; `None` at the end.
@@ -118,10 +164,7 @@ impl Stream {
             (Err(reason), decoder) => decoder.map(|decoder| decoder.abort(reason)),
         };
         if let Some(reason) = failure {
-            return Err(SourceError::Ffmpeg {
-                input: self.label.clone(),
-                reason,
-            });
+            return Err(self.failed(reason));
         }
         self.frame += 1;
         image.map_err(|reason| self.wrong(reason))
@@ -164,6 +207,10 @@ impl Stream {
     fn read_header(&mut self) -> Result<Option<Layout>, String> {
         match self.container {
             Container::Raw => {}
+            Container::Y4m if self.layout.is_none() => {
+                (self.container, self.layout) = self.recognize()?;
+                return self.read_header();
+            }
             Container::Y4m => match read_line(&mut self.reader).map_err(|e| self.in_frame(&e))? {
                 None => return Ok(None),
                 Some(line) if line.starts_with("FRAME") => {}
@@ -267,11 +314,7 @@ mod tests {
 
     #[test]
     fn raw_frame_cut_short_is_an_error_after_the_whole_ones() {
-        let raw = RawFormat {
-            width: 2,
-            height: 2,
-            pixels: PixelFormat::Bgr24,
-        };
+        let raw = RawFormat::new(2, 2, PixelFormat::Bgr24);
         let mut stream = open((0..30).collect(), Some(raw)).unwrap();
         assert!(stream.skip().unwrap());
         let image = stream.next(vec![7; 99]).unwrap().unwrap();
@@ -346,6 +389,7 @@ mod tests {
     fn ffmpeg_that_fails_is_an_error_with_its_last_words() {
         use std::os::unix::fs::PermissionsExt;
         let program = std::env::temp_dir().join(format!("track-cpu-ffmpeg-{}", std::process::id()));
+        let input = Input::new("clip.mp4");
         let frame = "printf 'P6\\n1 1\\n255\\nabc'; ";
         for (script, frames, part) in [
             (format!("{frame}{frame}"), 2, None),
@@ -379,9 +423,13 @@ mod tests {
         ] {
             std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
             std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
-            let mut stream =
-                Stream::from_program(program.as_os_str(), OsStr::new("clip.mp4"), "clip.mp4")
-                    .unwrap();
+            let mut stream = Stream::from_program(
+                program.as_os_str(),
+                OsStr::new("clip.mp4"),
+                "clip.mp4",
+                &input,
+            )
+            .unwrap();
             for _ in 0..frames {
                 assert_eq!(
                     stream.next(Vec::new()).unwrap().unwrap().data,
@@ -403,7 +451,8 @@ mod tests {
             }
         }
         std::fs::remove_file(&program).unwrap();
-        let missing = Stream::from_program(program.as_os_str(), OsStr::new("a"), "a").map(|_| ());
+        let missing =
+            Stream::from_program(program.as_os_str(), OsStr::new("a"), "a", &input).map(|_| ());
         assert!(
             missing
                 .unwrap_err()

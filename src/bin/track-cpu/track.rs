@@ -29,6 +29,8 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
         raw: args.raw.format(),
         start: args.start,
         end: args.end,
+        ffmpeg_args: args.raw.ffmpeg_args(),
+        is_live: false,
     })?;
     check(args, &source)?;
     if let Some(note) = source.note() {

@@ -18,8 +18,12 @@ pub enum Layout {
     Jpeg,
     /// Brightness and color by turns, `YUYV`.
     Yuyv,
+    /// Color and brightness by turns, `UYVY`.
+    Uyvy,
     /// A plane of brightness, then one of color, `NV12`.
     Nv12,
+    /// As `NV12`, with the two colors swapped.
+    Nv21,
     /// Three bytes per pixel.
     Bgr,
     /// Three bytes per pixel.
@@ -39,6 +43,8 @@ pub struct Format {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
+    /// Bytes from row to row, if the device tells them.
+    pub stride: Option<usize>,
 }
 
 /// A streaming camera, real or made up for a test.
@@ -135,11 +141,13 @@ mod v4l2 {
     use crate::say::say;
 
     /// Formats by preference: over USB, uncompressed ones do not reach 30 frames a second at 720p.
-    const FORMATS: [(PixelFormat, Layout); 11] = [
+    const FORMATS: [(PixelFormat, Layout); 13] = [
         (PixelFormat::MJPG, Layout::Jpeg),
         (PixelFormat::JPEG, Layout::Jpeg),
         (PixelFormat::YUYV, Layout::Yuyv),
+        (PixelFormat::from_fourcc(*b"UYVY"), Layout::Uyvy),
         (PixelFormat::from_fourcc(*b"NV12"), Layout::Nv12),
+        (PixelFormat::from_fourcc(*b"NV21"), Layout::Nv21),
         (PixelFormat::BGR3, Layout::Bgr),
         (PixelFormat::RGB3, Layout::Rgb),
         (
@@ -191,6 +199,9 @@ mod v4l2 {
                 layout,
                 width: capture.format().width() as usize,
                 height: capture.format().height() as usize,
+                // Some drivers leave it at 0, which says nothing.
+                stride: Some(capture.format().bytes_per_line() as usize)
+                    .filter(|stride| *stride > 0 && layout != Layout::Jpeg),
             };
             if capture.format().pixel_format() != code {
                 return Err(format!(
@@ -297,6 +308,7 @@ mod tests {
             layout,
             width: 2,
             height: 1,
+            stride: None,
         };
         let device = Fake { format, script };
         Camera::new(device, Box::new(decode), Duration::from_millis(250))

@@ -19,17 +19,61 @@ pub struct RawArgs {
         help = pix_help()
     )]
     pix: Option<PixelFormat>,
+    /// How programs that read it are told more.
+    #[command(flatten)]
+    more: ReadArgs,
+}
+
+/// More about how frames are read.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ReadArgs {
+    /// Bytes from row to row of headerless frames, where rows are padded; planes of half the width
+    /// have half of it.
+    #[arg(long, value_name = "BYTES", requires = "raw")]
+    stride: Option<usize>,
+    /// Options of ffmpeg for the input, separated by blanks, such as "-rtsp_transport udp".
+    #[arg(
+        long,
+        value_name = "ARGS",
+        allow_hyphen_values = true,
+        default_value = "",
+        hide_default_value = true
+    )]
+    ffmpeg_args: String,
+}
+
+impl ReadArgs {
+    /// Frames of this size, if their layout was given.
+    pub fn raw(
+        &self,
+        size: Option<(usize, usize)>,
+        pixels: Option<PixelFormat>,
+    ) -> Option<RawFormat> {
+        let ((width, height), pixels) = size.zip(pixels)?;
+        Some(RawFormat {
+            stride: self.stride,
+            ..RawFormat::new(width, height, pixels)
+        })
+    }
+
+    /// Options of ffmpeg, one by one.
+    pub fn ffmpeg(&self) -> Vec<String> {
+        self.ffmpeg_args
+            .split_whitespace()
+            .map(str::to_string)
+            .collect()
+    }
 }
 
 impl RawArgs {
     /// The headerless format, if one was given.
     pub fn format(&self) -> Option<RawFormat> {
-        let ((width, height), pixels) = self.raw.zip(self.pix)?;
-        Some(RawFormat {
-            width,
-            height,
-            pixels,
-        })
+        self.more.raw(self.raw, self.pix)
+    }
+
+    /// Options of ffmpeg, one by one.
+    pub fn ffmpeg_args(&self) -> Vec<String> {
+        self.more.ffmpeg()
     }
 }
 

@@ -12,6 +12,7 @@ use station::{FrameBox, Limits, Options};
 use track_cpu::source::{PixelFormat, RawFormat};
 use track_cpu::{BBox, Model};
 
+use crate::args::input::{ReadArgs, pix_help};
 use crate::args::{EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size, threshold};
 
 const EXAMPLES: &str = "\
@@ -22,7 +23,9 @@ Examples:
   track-cpu serve --input flight:seed=3,difficulty=hard,size=1280x720 --init 600,320,60,40
 
 Inputs: a V4L2 camera (/dev/videoN); anything that `track` reads (videos and URLs through the ffmpeg
-on your PATH, folders, - for standard input); or a rendered flight,
+on your PATH, folders, - for standard input); H.264 in RTP on a port of this machine (rtp:5600,
+rtp:5600/h265, rtp:5600/jpeg) or as X.sdp describes it; a GStreamer pipeline that ends in raw video
+('gst:v4l2src ! image/jpeg ! jpegdec'), run by your gst-launch-1.0; or a rendered flight,
 flight:[seed=N],[difficulty=easy|medium|hard],[size=WxH],[frames=N].
 
 Only the newest frame is tracked; the others are counted as dropped. One JSON object per tracked
@@ -44,9 +47,13 @@ pub struct ServeArgs {
     /// Size of headerless frames on standard input, or the size asked of a camera.
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub raw: Option<(usize, usize)>,
-    /// Pixel format of headerless frames on standard input.
-    #[arg(long, value_name = "FORMAT", value_parser = pixel_format, requires = "raw")]
+    #[doc = "The pixel format."]
+    #[arg(long, value_name = "FORMAT", value_parser = pixel_format, requires = "raw",
+        help = pix_help())]
     pub pix: Option<PixelFormat>,
+    /// More about how frames are read.
+    #[command(flatten)]
+    pub read: ReadArgs,
     /// Frames per second of files, folders and rendered flights, and of any input with
     /// --every-frame; other cameras and streams have their own.
     #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = frame_rate)]
@@ -187,12 +194,7 @@ pub struct HttpArgs {
 impl ServeArgs {
     /// The headerless format, if there is one.
     pub fn raw_format(&self) -> Option<RawFormat> {
-        let ((width, height), pixels) = self.raw.zip(self.pix)?;
-        Some(RawFormat {
-            width,
-            height,
-            pixels,
-        })
+        self.read.raw(self.raw, self.pix)
     }
 
     /// How the station is to run; `repeats` if the input can be read again from its beginning.

@@ -35,7 +35,12 @@ enum Kind {
 /// # Errors
 /// If it is a rendered flight that is described wrongly.
 pub fn open(args: &ServeArgs) -> Result<(Feed, bool), String> {
-    let kind = kind(&args.input, args.raw_format())?;
+    let read = Input {
+        raw: args.raw_format(),
+        ffmpeg_args: args.read.ffmpeg(),
+        ..Input::new(&args.input)
+    };
+    let kind = kind(read)?;
     let repeats = matches!(kind, Kind::Rendered(_) | Kind::File(_));
     let period = Duration::from_secs_f64(1.0 / args.fps);
     let size = args.raw;
@@ -70,27 +75,27 @@ pub fn open(args: &ServeArgs) -> Result<(Feed, bool), String> {
     Ok((feed, repeats))
 }
 
-fn kind(location: &Path, raw: Option<RawFormat>) -> Result<Kind, String> {
+fn kind(input: Input) -> Result<Kind, String> {
+    let location = input.location.clone();
     let text = location.to_string_lossy();
     if let Some(flight) = text.strip_prefix("flight:") {
         return Ok(Kind::Rendered(parse_flight(flight)?));
     }
     if text.starts_with("/dev/video") {
-        return Ok(Kind::Camera(location.to_path_buf()));
+        return Ok(Kind::Camera(input.location));
     }
-    let input = Input {
-        raw,
-        ..Input::new(location)
-    };
     let is_stream = LIVE_SCHEMES
         .iter()
-        .chain(&["http://", "https://"])
-        .any(|scheme| text.starts_with(scheme));
-    if is_stream {
-        return Ok(Kind::Stream(input));
+        .chain(&["http://", "https://", "rtp:", "gst:"])
+        .any(|start| text.starts_with(start));
+    if is_stream || text.ends_with(".sdp") {
+        return Ok(Kind::Stream(Input {
+            is_live: true,
+            ..input
+        }));
     }
     let is_special =
-        std::fs::metadata(location).is_ok_and(|found| !found.is_file() && !found.is_dir());
+        std::fs::metadata(&location).is_ok_and(|found| !found.is_file() && !found.is_dir());
     if text == "-" || is_special {
         Ok(Kind::Pipe(input))
     } else {
@@ -193,17 +198,24 @@ fn decode(
     let pixels = match format.layout {
         Layout::Jpeg => return decoder.decode(bytes, buffer).map(picture),
         Layout::Yuyv => PixelFormat::Yuyv422,
+        Layout::Uyvy => PixelFormat::Uyvy422,
         Layout::Nv12 => PixelFormat::Nv12,
+        Layout::Nv21 => PixelFormat::Nv21,
         Layout::Bgr => PixelFormat::Bgr24,
         Layout::Rgb => PixelFormat::Rgb24,
         Layout::Gray => PixelFormat::Gray,
         Layout::Gray16 => PixelFormat::Gray16Le,
     };
-    let raw = RawFormat {
-        width: format.width,
-        height: format.height,
-        pixels,
+    let tight = RawFormat::new(format.width, format.height, pixels);
+    let padded = RawFormat {
+        stride: format.stride,
+        ..tight
     };
+    // A driver may tell a stride that its buffers do not have.
+    let is_padded = padded
+        .frame_bytes()
+        .is_ok_and(|length| length <= bytes.len());
+    let raw = if is_padded { padded } else { tight };
     decoder.raw(raw, bytes, buffer).map(picture)
 }
 
@@ -323,6 +335,7 @@ mod tests {
             layout: Layout::Gray16,
             width: 100,
             height: 1,
+            stride: None,
         };
         // Counts from 2960 on, as an uncooled sensor has them; then a hot object fills the view.
         let ramp = |shift: u16| -> Vec<u8> {
@@ -345,11 +358,14 @@ mod tests {
 
     #[test]
     fn input_is_told_apart_by_its_look() {
-        let kind = |text: &str| kind(Path::new(text), None).unwrap();
+        let kind = |text: &str| kind(Input::new(text)).unwrap();
 
         assert!(matches!(kind("/dev/video2"), Kind::Camera(_)));
         assert!(matches!(kind("rtsp://a/b"), Kind::Stream(_)));
         assert!(matches!(kind("http://a/b"), Kind::Stream(_)));
+        assert!(matches!(kind("rtp:5600"), Kind::Stream(_)));
+        assert!(matches!(kind("gst:videotestsrc"), Kind::Stream(_)));
+        assert!(matches!(kind("camera.sdp"), Kind::Stream(_)));
         assert!(matches!(kind("-"), Kind::Pipe(_)));
         assert!(matches!(kind("clip.mp4"), Kind::File(_)));
         assert!(matches!(kind("flight:seed=1"), Kind::Rendered(_)));

@@ -19,11 +19,7 @@ pub fn decode(decoder: &mut Decoder, text: &str) -> Result<Image, String> {
             pixels: Pixels::Gray16,
             data,
         } => {
-            let raw = RawFormat {
-                width,
-                height,
-                pixels: PixelFormat::Gray16Le,
-            };
+            let raw = RawFormat::new(width, height, PixelFormat::Gray16Le);
             decoder.raw(raw, &data, Vec::new())
         }
         Picture::Memory {
