@@ -13,7 +13,7 @@ use track_cpu::{BBox, ChannelOrder, Frame, Tracker};
 use crate::args::demo::DemoArgs;
 use crate::exit::Failure;
 use crate::film::Film;
-use crate::overlay::Canvas;
+use crate::overlay::{AMBER, Canvas, WHITE};
 use crate::report::{print, progress, rounded};
 use crate::sheet;
 use crate::statistics::Times;
@@ -94,7 +94,8 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let title = format!(
         "track-cpu demo   {difficulty} flight {seed}   {frames} frames of {width}x{height}"
     );
-    sheet::write(&sheet, &title, &summary, &pictures)?;
+    let meanings = [("truth", WHITE, 2), ("track-cpu", AMBER, 4)];
+    sheet::write(&sheet, &title, &summary, &meanings, &pictures)?;
     print(&format!("{title}\n{summary}"))?;
     if args.json {
         let result = json!({

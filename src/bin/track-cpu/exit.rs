@@ -42,6 +42,9 @@ pub enum Failure {
     /// The tracker refuses the box.
     #[error("--init: {0}")]
     Target(#[from] TrackError),
+    /// A file of boxes cannot be read.
+    #[error(transparent)]
+    Boxes(#[from] sequences::Error),
     /// The self-test failed.
     #[error("self-test failed: {0}")]
     SelfTest(String),
@@ -100,7 +103,7 @@ impl Failure {
                 station::Error::Output { .. } => Exit::Output,
                 station::Error::Refused(_) => Exit::Target,
             },
-            Failure::Input(_) | Failure::Frame { .. } => Exit::Input,
+            Failure::Input(_) | Failure::Frame { .. } | Failure::Boxes(_) => Exit::Input,
             Failure::Model(_) | Failure::Presence(_) => Exit::Model,
             Failure::Output { .. } => Exit::Output,
             Failure::Target(_) => Exit::Target,

@@ -109,15 +109,35 @@ impl Canvas {
         );
     }
 
+    /// A bold outline in this color: where one of several trackers sees the object.
+    pub fn outlined(&mut self, bbox: &BBox, color: Rgb<u8>) {
+        let [x0, y0, x1, y1] = self.edges(bbox);
+        let t = 2 * self.unit;
+        let around = [x0 - t - 1, y0 - t - 1, x1 + t + 1, y1 + t + 1];
+        self.outline(around, t + 2, BLACK, 0.45);
+        self.outline([x0 - t, y0 - t, x1 + t, y1 + t], t, color, 1.0);
+    }
+
     /// A line of text on a dark plate in the lower left corner.
     pub fn caption(&mut self, text: &str) {
-        let (margin, height) = (3 * self.unit, self.picture.height() as i32);
-        let (w, h) = (
-            text_width(text, self.unit) + 2 * margin,
-            font::HEIGHT as i32 * self.unit + 2 * margin,
-        );
-        self.fill([0, height - h, w, height], BLACK, 0.6);
-        self.text(margin, height - h + margin, text, self.unit, WHITE);
+        self.captions(&[(text.to_string(), WHITE)]);
+    }
+
+    /// Lines of text in their colors, one below the other, in the lower left corner.
+    pub fn captions(&mut self, lines: &[(String, Rgb<u8>)]) {
+        let margin = 3 * self.unit;
+        let line_height = font::HEIGHT as i32 * self.unit + 2 * margin;
+        let mut bottom = self.picture.height() as i32;
+        for (text, color) in lines.iter().rev() {
+            let top = bottom - line_height;
+            self.fill(
+                [0, top, text_width(text, self.unit) + 2 * margin, bottom],
+                BLACK,
+                0.6,
+            );
+            self.text(margin, top + margin, text, self.unit, *color);
+            bottom = top;
+        }
     }
 
     /// Text whose upper left corner is at `(x, y)`; a letter's pixel has `unit` canvas pixels a

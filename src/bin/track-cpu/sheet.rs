@@ -7,7 +7,7 @@ use image::{ImageFormat, Rgb, RgbImage, imageops};
 use program::NewFile;
 
 use crate::exit::Failure;
-use crate::overlay::{AMBER, Canvas, WHITE, text_width};
+use crate::overlay::{Canvas, WHITE, text_width};
 
 const COLUMNS: u32 = 4;
 const MARGIN: u32 = 10;
@@ -15,12 +15,16 @@ const TITLE_HEIGHT: u32 = 44;
 const PAPER: Rgb<u8> = Rgb([24, 26, 30]);
 const FAINT: Rgb<u8> = Rgb([150, 155, 165]);
 
+/// A color's meaning: the words, the color, the thickness of its line.
+pub type Entry<'a> = (&'a str, Rgb<u8>, i32);
+
 /// Writes pictures of equal size as a PNG, four in a row, with a title and the colors' meaning
 /// above.
 pub fn write(
     path: &Path,
     title: &str,
     subtitle: &str,
+    meanings: &[Entry<'_>],
     pictures: &[RgbImage],
 ) -> Result<(), Failure> {
     let (w, h) = pictures.first().map_or((0, 0), RgbImage::dimensions);
@@ -33,7 +37,7 @@ pub fn write(
     let left = MARGIN as i32;
     sheet.text(left, left, title, 3, WHITE);
     sheet.text(left, left + 28, subtitle, 2, FAINT);
-    legend(&mut sheet, width as i32 - left);
+    legend(&mut sheet, meanings, width as i32 - left);
     for (i, picture) in pictures.iter().enumerate() {
         let (column, row) = (i as u32 % COLUMNS, i as u32 / COLUMNS);
         let (x, y) = (
@@ -51,9 +55,9 @@ pub fn write(
 }
 
 /// What the colors mean, right-aligned.
-fn legend(sheet: &mut Canvas, right: i32) {
+fn legend(sheet: &mut Canvas, meanings: &[Entry<'_>], right: i32) {
     let mut x = right;
-    for (text, color, thickness) in [("truth", WHITE, 2), ("track-cpu", AMBER, 4)] {
+    for &(text, color, thickness) in meanings {
         x -= text_width(text, 2);
         sheet.text(x, 14, text, 2, color);
         x -= 36;

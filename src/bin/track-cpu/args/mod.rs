@@ -8,6 +8,7 @@
 //! | the others | one sub-command each |
 
 pub mod bench;
+pub mod compare;
 pub mod demo;
 pub mod doctor;
 pub mod engine;

@@ -1,6 +1,6 @@
 //! Numbers, names, boxes and sizes of the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use kernels::conv::Algorithm;
 use kernels::par::Threads;
@@ -104,6 +104,17 @@ pub fn overlay(text: &str) -> Result<PathBuf, String> {
         return Err("expected a folder, a .gif or a .mp4".into());
     }
     Ok(path)
+}
+
+/// A contact sheet, a folder or a film for drawn frames.
+pub fn drawn(text: &str) -> Result<PathBuf, String> {
+    if Path::new(text)
+        .extension()
+        .is_some_and(|found| found.eq_ignore_ascii_case("png"))
+    {
+        return Ok(text.into());
+    }
+    overlay(text).map_err(|_| "expected a .png, a .gif, a .mp4 or a folder".into())
 }
 
 /// Width and height in pixels.
