@@ -37,6 +37,11 @@ fn page_shows_starts_and_stops() {
         contains(answer, b"\"frame\"")
     });
     assert!(contains(&event, b"data: {"));
+    let metrics = page.get("/metrics");
+    assert!(
+        metrics.contains("track_cpu_source{source=\"live\"} 1"),
+        "{metrics}"
+    );
     assert_eq!(status(page.get("/other").as_bytes()), 404);
 
     assert_eq!(page.post("/start", "wrong-token", START), 403);

@@ -21,6 +21,16 @@ pub enum Health {
 }
 
 impl Health {
+    /// Every health.
+    pub const ALL: [Health; 6] = [
+        Health::Waiting,
+        Health::Live,
+        Health::Frozen,
+        Health::Stalled,
+        Health::Reconnecting,
+        Health::Ended,
+    ];
+
     /// The word for JSON, log, page and systemd.
     pub fn name(self) -> &'static str {
         match self {

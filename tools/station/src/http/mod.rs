@@ -7,6 +7,7 @@
 //! | `GET /frame` | the newest frame in full size as JPEG; `X-Frame` numbers it, and it is kept for a minute |
 //! | `GET /events` | a report (JSON) per event, at most 30 a second and at least 2 |
 //! | `GET /state` | the newest report |
+//! | `GET /metrics` | the newest report in numbers, as Prometheus reads it |
 //! | `POST /start` | `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares of the frame, or `{"box": [left, top, width, height]}` in pixels; `"frame"` may number the frame in which they were drawn; needs the token |
 //! | `POST /stop` | needs the token |
 //!
@@ -21,9 +22,11 @@
 //! | `host.rs` | which names this server has |
 //! | `places.rs` | how many connections there may be |
 //! | `video.rs` | the video, encoded once for all viewers |
+//! | `metrics.rs` | numbers for Prometheus |
 //! | `page.html` | the page |
 
 mod host;
+mod metrics;
 mod places;
 mod request;
 mod video;
@@ -287,6 +290,12 @@ impl Site {
                 body: PAGE.into(),
             },
             ("GET" | "HEAD", "/state") => Answer::json(200, &self.hub.view().to_json()),
+            ("GET" | "HEAD", "/metrics") => Answer {
+                status: 200,
+                kind: "text/plain; version=0.0.4; charset=utf-8",
+                frame: None,
+                body: metrics::text(&self.hub.view()).into(),
+            },
             ("GET", "/frame") => match video::freeze(&self.hub) {
                 Some((frame, body)) => Answer {
                     status: 200,

@@ -1,0 +1,236 @@
+//! The newest report as Prometheus reads it: text format 0.0.4.
+//!
+//! <https://prometheus.io/docs/instrumenting/exposition_formats/>
+
+use std::fmt::Write;
+use std::path::Path;
+
+use crate::health::Health;
+use crate::report::View;
+
+/// Every word for the state of the target.
+const STATES: [&str; 7] = [
+    "idle",
+    "tracking",
+    "low_confidence",
+    "coasting",
+    "lost",
+    "reacquired",
+    "stale",
+];
+/// Most temperature sensors that are read.
+const MAX_SENSORS: usize = 32;
+
+/// All metrics, as text.
+pub fn text(view: &View) -> String {
+    let mut text = String::new();
+    let report = &view.report;
+    let frames = if view.number == 0 {
+        0
+    } else {
+        report.frame + 1
+    };
+    for (name, help, value) in [
+        ("frames_total", "Frames that the source delivered.", frames),
+        ("reports_total", "Reports that were published.", view.number),
+        (
+            "dropped_total",
+            "Frames dropped for newer ones.",
+            report.dropped,
+        ),
+        (
+            "late_total",
+            "Reports withheld because their frame was too old.",
+            report.late,
+        ),
+        ("starts_total", "Targets that were started.", report.starts),
+    ] {
+        metric(
+            &mut text,
+            name,
+            "counter",
+            help,
+            &[(String::new(), value as f64)],
+        );
+    }
+    let mut gauges = vec![
+        (
+            "latency_seconds",
+            "Time from a frame to its report.",
+            report.latency_ms / 1e3,
+        ),
+        (
+            "work_seconds",
+            "Time that tracking the frame took.",
+            report.work_ms / 1e3,
+        ),
+        (
+            "frame_interval_seconds",
+            "Time between the last two frames.",
+            view.interval.as_secs_f64(),
+        ),
+    ];
+    if let Some(age) = view.age {
+        gauges.push((
+            "age_seconds",
+            "Time since the newest report's frame.",
+            age.as_secs_f64(),
+        ));
+    }
+    if let Some(track) = view.track() {
+        gauges.push(("score", "Raw score of the target.", track.score.into()));
+        if let Some(presence) = track.presence {
+            let help = "Probability that the box is on the target.";
+            gauges.push(("presence", help, presence.into()));
+        }
+    }
+    for (name, help, value) in gauges {
+        metric(&mut text, name, "gauge", help, &[(String::new(), value)]);
+    }
+    let chosen = |label: &str, names: &[&str], name: &str| -> Vec<(String, f64)> {
+        names
+            .iter()
+            .map(|known| {
+                let value = if *known == name { 1.0 } else { 0.0 };
+                (format!("{{{label}=\"{known}\"}}"), value)
+            })
+            .collect()
+    };
+    let states = chosen("state", &STATES, view.state());
+    metric(
+        &mut text,
+        "state",
+        "gauge",
+        "1 for the state of the target.",
+        &states,
+    );
+    let sources = chosen("source", &Health::ALL.map(Health::name), view.health.name());
+    metric(
+        &mut text,
+        "source",
+        "gauge",
+        "1 for the health of the source.",
+        &sources,
+    );
+    let temperatures = temperatures(Path::new("/sys/class/thermal"));
+    if !temperatures.is_empty() {
+        let help = "Temperatures that the system tells.";
+        metric(
+            &mut text,
+            "temperature_celsius",
+            "gauge",
+            help,
+            &temperatures,
+        );
+    }
+    text
+}
+
+/// One metric with a line per set of labels.
+fn metric(text: &mut String, name: &str, kind: &str, help: &str, values: &[(String, f64)]) {
+    // Writing into a string cannot fail.
+    let _ = writeln!(text, "# HELP track_cpu_{name} {help}");
+    let _ = writeln!(text, "# TYPE track_cpu_{name} {kind}");
+    for (labels, value) in values {
+        let _ = writeln!(text, "track_cpu_{name}{labels} {value}");
+    }
+}
+
+/// Degrees of the thermal zones of Linux, labeled by number and type.
+fn temperatures(folder: &Path) -> Vec<(String, f64)> {
+    let mut found = Vec::new();
+    for zone in 0..MAX_SENSORS {
+        let zone_folder = folder.join(format!("thermal_zone{zone}"));
+        let read = |name| std::fs::read_to_string(zone_folder.join(name)).ok();
+        let degrees = read("temp").and_then(|text| text.trim().parse::<f64>().ok());
+        let Some(thousandths) = degrees else {
+            continue;
+        };
+        let kind: String = read("type")
+            .unwrap_or_default()
+            .chars()
+            .filter(|c| c.is_ascii_alphanumeric() || "-_".contains(*c))
+            .collect();
+        found.push((
+            format!("{{zone=\"{zone}\",type=\"{kind}\"}}"),
+            thousandths / 1e3,
+        ));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hub::{Hub, Limits};
+    use crate::picture::{FrameBox, Order, Picture};
+    use crate::report::{Report, Tracked};
+    use std::time::Instant;
+
+    #[test]
+    fn report_becomes_metrics() {
+        let hub = Hub::new(Limits::default());
+        hub.tell(|pulse| pulse.frame(Instant::now()));
+        let report = Report {
+            frame: 41,
+            dropped: 3,
+            latency_ms: 12.5,
+            taken: Some(Instant::now()),
+            track: Some(Tracked::certain(FrameBox::new(1.0, 2.0, 3.0, 4.0))),
+            ..Report::default()
+        };
+        let picture = Picture {
+            data: vec![0],
+            width: 1,
+            height: 1,
+            order: Order::Gray,
+        };
+
+        hub.publish(report, &picture);
+        let text = text(&hub.view());
+
+        for line in [
+            "# TYPE track_cpu_frames_total counter",
+            "track_cpu_frames_total 42",
+            "track_cpu_reports_total 1",
+            "track_cpu_dropped_total 3",
+            "track_cpu_latency_seconds 0.0125",
+            "track_cpu_presence 1",
+            "track_cpu_state{state=\"tracking\"} 1",
+            "track_cpu_state{state=\"lost\"} 0",
+            "track_cpu_source{source=\"live\"} 1",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line} in\n{text}");
+        }
+        assert_eq!(text.matches("# TYPE track_cpu_state ").count(), 1);
+    }
+
+    #[test]
+    fn before_the_first_frame_nothing_is_counted() {
+        let text = text(&Hub::new(Limits::default()).view());
+
+        assert!(text.contains("track_cpu_frames_total 0\n"), "{text}");
+        assert!(
+            text.contains("track_cpu_source{source=\"waiting\"} 1\n"),
+            "{text}"
+        );
+        assert!(!text.contains("age_seconds"), "{text}");
+    }
+
+    #[test]
+    fn temperatures_are_read_where_the_system_tells_them() {
+        let folder = std::env::temp_dir().join(format!("track-cpu-zones-{}", std::process::id()));
+        let zone = folder.join("thermal_zone3");
+        std::fs::create_dir_all(&zone).unwrap();
+        std::fs::write(zone.join("temp"), "48250\n").unwrap();
+        std::fs::write(zone.join("type"), "cpu\"-thermal\n").unwrap();
+
+        let found = temperatures(&folder);
+
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(
+            found,
+            [("{zone=\"3\",type=\"cpu-thermal\"}".to_string(), 48.25)]
+        );
+    }
+}
