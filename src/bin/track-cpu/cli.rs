@@ -2,9 +2,12 @@
 
 use std::ffi::OsString;
 
+#[cfg(feature = "serve")]
+use clap::CommandFactory;
 use clap::{Parser, Subcommand};
 
 use crate::args::bench::BenchArgs;
+use crate::args::compare::CompareArgs;
 use crate::args::demo::DemoArgs;
 use crate::args::doctor::DoctorArgs;
 use crate::args::info::InfoArgs;
@@ -41,6 +44,8 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Render a UAV flight, track it and show the result.
     Demo(DemoArgs),
+    /// Draw the boxes of several trackers into one film or contact sheet.
+    Compare(CompareArgs),
     /// Show a model's layers, shapes, parameters and multiply-accumulates.
     Info(InfoArgs),
     /// Measure speed: frames per second, latency percentiles, time per stage.
@@ -55,7 +60,27 @@ impl Args {
     /// Reads this process's command line. Ends the process with help, or with a message if the line
     /// does not parse.
     pub fn read() -> Args {
-        Args::parse_from(with_sub_commands(std::env::args_os().collect()))
+        let args = with_sub_commands(std::env::args_os().collect());
+        #[cfg(feature = "serve")]
+        let args = with_config(args);
+        Args::parse_from(args)
+    }
+}
+
+/// Adds what the file of `serve --config` holds. Ends the process if that is wrong.
+#[cfg(feature = "serve")]
+fn with_config(args: Vec<OsString>) -> Vec<OsString> {
+    let mut command = Args::command();
+    command.build();
+    let Some(serve) = command.find_subcommand("serve") else {
+        return args;
+    };
+    match crate::serve::config::expand(args, serve) {
+        Ok(args) => args,
+        Err(reason) => {
+            let _ = program::Exit::Usage.fail(&reason);
+            std::process::exit(program::Exit::Usage.code().into());
+        }
     }
 }
 

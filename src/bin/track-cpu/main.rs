@@ -5,6 +5,7 @@
 mod args;
 mod bench;
 mod cli;
+mod compare;
 mod demo;
 mod doctor;
 mod exit;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
     let done = match Args::read().command {
         Command::Track(args) => track::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Bench(args) => bench::run(&args),
         #[cfg(feature = "serve")]

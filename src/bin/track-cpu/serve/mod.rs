@@ -3,11 +3,13 @@
 //! | file | what happens there |
 //! |---|---|
 //! | `args.rs` | both command lines |
+//! | `config.rs` | options out of a file |
 //! | `engine.rs` | the tracker, run the same way by both |
 //! | `feed.rs` | which input is read how |
 //! | `replay.rs` | a flight log done again, box for box |
 
 pub mod args;
+pub mod config;
 mod engine;
 mod feed;
 pub mod replay;
