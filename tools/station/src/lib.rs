@@ -59,6 +59,7 @@
 //! | `lines.rs`, `log/`, `notify.rs`, `say.rs` | JSON lines, the flight log, systemd, standard error |
 //! | `mavlink/` | the camera that autopilots and ground stations see |
 //! | `http/` | the web page |
+//! | `film.rs` | the video with boxes, encoded by ffmpeg |
 //!
 //! **Invariant:** no log, disk, link or viewer ends tracking or holds it up.
 //! **Invariant:** nothing moves by a report that is older than its time; see [`Freshness`].
@@ -72,6 +73,7 @@ pub mod commands;
 mod engine;
 mod error;
 mod feed;
+pub mod film;
 mod health;
 pub mod http;
 mod hub;

@@ -11,6 +11,7 @@ use crate::commands::{self, Place};
 use crate::engine::Engine;
 use crate::error::Error;
 use crate::feed::{Feed, Feeder};
+use crate::film::{Film, FilmOptions};
 use crate::health::Health;
 use crate::http::{self, HttpOptions};
 use crate::hub::{Hub, Limits};
@@ -55,6 +56,8 @@ pub struct Options {
     pub mavlink: MavlinkOptions,
     /// The web page.
     pub http: HttpOptions,
+    /// The video with boxes burnt in.
+    pub film: Option<FilmOptions>,
     /// Where commands come from as JSON lines.
     pub commands: Vec<Place>,
 }
@@ -73,6 +76,7 @@ impl Default for Options {
             head: Value::Null,
             mavlink: MavlinkOptions::default(),
             http: HttpOptions::default(),
+            film: None,
             commands: Vec::new(),
         }
     }
@@ -125,6 +129,11 @@ impl Station {
         threads.extend(http::start(&options.http, &hub)?);
         threads.extend(commands::start(&options.commands, &hub, lines.printer())?);
         let slot = Arc::new(Slot::default());
+        let film = options
+            .film
+            .clone()
+            .map(|film| Film::start(film, Arc::clone(&slot)))
+            .transpose()?;
         let feeder = feed.start(options.every_frame, Arc::clone(&slot), Arc::clone(&hub));
 
         let mut tracking = Tracking {
@@ -135,6 +144,7 @@ impl Station {
             slot: &slot,
             log,
             lines,
+            film,
             notifier: Notifier::connect(),
             health: Health::Waiting,
             reminder: began + REMINDER,
@@ -147,6 +157,7 @@ impl Station {
         let Tracking {
             log,
             lines,
+            film,
             ages,
             late,
             ..
@@ -159,6 +170,9 @@ impl Station {
             log.finish();
         }
         lines.finish();
+        if let Some(film) = film {
+            film.finish();
+        }
         let until = Instant::now() + FAREWELL;
         while threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < until {
             std::thread::sleep(Duration::from_millis(10));
@@ -180,6 +194,7 @@ struct Tracking<'a> {
     slot: &'a Slot,
     log: Option<Log>,
     lines: Lines,
+    film: Option<Film>,
     notifier: Notifier,
     health: Health,
     reminder: Instant,
@@ -295,6 +310,8 @@ impl Tracking<'_> {
         if let Some(log) = &mut self.log {
             log.add(&asked, &report, &shot.picture);
         }
+        let filmed = self.film.is_some().then(|| report.track.clone());
+        let caption = format!("#{} {}", report.frame, report.state());
         if age > self.options.limits.max_age && !every {
             if self.late == 0 {
                 let (age, max) = (age.as_millis(), self.options.limits.max_age.as_millis());
@@ -308,7 +325,13 @@ impl Tracking<'_> {
             self.hub.publish(report, &shot.picture);
             self.write_line()?;
         }
-        self.slot.recycle(shot.picture);
+        let left = match (&mut self.film, filmed) {
+            (Some(film), Some(track)) => film.add(shot.picture, track, caption),
+            _ => Some(shot.picture),
+        };
+        if let Some(picture) = left {
+            self.slot.recycle(picture);
+        }
         Ok(())
     }
 

@@ -5,13 +5,15 @@ use std::time::Duration;
 
 use serde_json::json;
 use station::commands::Place;
+use station::film::{FilmOptions, Output};
 use station::http::HttpOptions;
 use station::log::{self, LogOptions};
-use station::mavlink::MavlinkOptions;
+use station::mavlink::{MavlinkOptions, VideoStreamEncoding};
 use station::{FrameBox, Limits, Options};
 use track_cpu::source::{PixelFormat, RawFormat};
 use track_cpu::{BBox, Model};
 
+use super::engine::burn_in;
 use crate::args::input::{ReadArgs, pix_help};
 use crate::args::{EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size, threshold};
 
@@ -41,6 +43,10 @@ is carried out: {\"done\": true}, or false with an \"error\"; an \"id\" is repea
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct ServeArgs {
+    /// Read options from this file, one a line: name = value, as in TOML; a list repeats an option.
+    /// Options on the command line win.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
     /// Camera, stream, file, folder, - or rendered flight.
     #[arg(short, long, value_name = "INPUT", default_value = "/dev/video0")]
     pub input: PathBuf,
@@ -106,6 +112,58 @@ pub struct ServeArgs {
     /// Web page.
     #[command(flatten)]
     pub http: HttpArgs,
+    /// Video with boxes.
+    #[command(flatten)]
+    pub video: VideoArgs,
+}
+
+/// Options of the video with boxes.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Video")]
+pub struct VideoArgs {
+    /// Write the video with boxes burnt in, through your ffmpeg: a file, rtp://HOST:PORT, or
+    /// rtsp://, udp://, srt:// or rtmp:// of a server. Its rate is --fps; ground stations are told
+    /// of it. A file that is there is kept, and the new one gets a number.
+    #[arg(long, value_name = "WHERE", value_parser = Output::parse)]
+    video_out: Option<Output>,
+    /// Options of ffmpeg for encoder and output, separated by blanks [default: H.264 by libx264
+    /// without delay].
+    #[arg(
+        long,
+        value_name = "ARGS",
+        requires = "video_out",
+        allow_hyphen_values = true,
+        default_value = "",
+        hide_default_value = true
+    )]
+    video_args: String,
+}
+
+impl VideoArgs {
+    fn options(&self, rate: f64) -> Option<FilmOptions> {
+        Some(FilmOptions {
+            output: self.video_out.clone()?,
+            rate,
+            args: self
+                .video_args
+                .split_whitespace()
+                .map(str::to_string)
+                .collect(),
+            draw: burn_in,
+        })
+    }
+
+    /// How the video is encoded, as far as the options tell.
+    fn encoding(&self) -> VideoStreamEncoding {
+        let args = &self.video_args;
+        if args.contains("265") || args.contains("hevc") {
+            VideoStreamEncoding::VIDEO_STREAM_ENCODING_H265
+        } else if args.is_empty() || args.contains("264") {
+            VideoStreamEncoding::VIDEO_STREAM_ENCODING_H264
+        } else {
+            VideoStreamEncoding::VIDEO_STREAM_ENCODING_UNKNOWN
+        }
+    }
 }
 
 /// Options of the flight log.
@@ -227,9 +285,10 @@ impl ServeArgs {
             udp: self.udp.clone(),
             log: self.log.options(),
             head,
-            mavlink: self.mavlink.options(),
+            mavlink: self.mavlink.options(&self.video, self.fps),
             http: self.http.options(),
             commands: self.commands.clone(),
+            film: self.video.options(self.fps),
         }
     }
 }
@@ -246,14 +305,22 @@ impl LogArgs {
 }
 
 impl MavlinkArgs {
-    fn options(&self) -> MavlinkOptions {
+    fn options(&self, video: &VideoArgs, rate: f64) -> MavlinkOptions {
+        let announced = video.video_out.as_ref().and_then(Output::announced);
+        let is_ours = self.video_uri.is_none() && announced.is_some();
         MavlinkOptions {
             links: self.mavlink.clone(),
             system: self.mav_system,
             component: self.mav_component,
             allow: self.mav_allow.clone(),
             key: self.mav_key.clone(),
-            video_uri: self.video_uri.clone(),
+            video_uri: self.video_uri.clone().or(announced),
+            video_rate: is_ours.then_some(rate as f32),
+            video_encoding: if is_ours {
+                video.encoding()
+            } else {
+                VideoStreamEncoding::VIDEO_STREAM_ENCODING_UNKNOWN
+            },
             gimbal: self.gimbal,
             landing_target: self.landing_target,
             hfov: self.hfov,

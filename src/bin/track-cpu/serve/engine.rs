@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use image::RgbImage;
 use station::{Candidate, Engine, FrameBox, Order, Picture, State, Tracked};
 use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Model};
@@ -9,6 +10,7 @@ use track_cpu::{BBox, ChannelOrder, Frame, Model};
 use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 use crate::follow::flight_options;
+use crate::overlay::Canvas;
 
 /// A tracker that may have no target.
 pub struct TrackerEngine {
@@ -98,6 +100,20 @@ impl Engine for TrackerEngine {
     ) -> Option<Tracked> {
         self.find(picture, Some(elapsed), Budget::Deadline(budget))
     }
+}
+
+/// Draws a track into a copy of its picture.
+pub fn burn_in(picture: &Picture, track: Option<&Tracked>, caption: &str) -> RgbImage {
+    let Ok(frame) = frame(picture) else {
+        return picture.to_rgb();
+    };
+    let mut canvas = Canvas::new(&frame);
+    if let Some(track) = track {
+        let FrameBox { x, y, w, h } = track.bbox;
+        canvas.found(&BBox::new(x, y, w, h), track.presence);
+    }
+    canvas.caption(caption);
+    canvas.picture
 }
 
 /// The picture as the tracker takes it.

@@ -264,7 +264,7 @@ impl Part {
 }
 
 /// The path with a number before its extension: `flight.jsonl`, `flight-1.jsonl` ...
-fn numbered(path: &Path, number: usize) -> PathBuf {
+pub(crate) fn numbered(path: &Path, number: usize) -> PathBuf {
     if number == 0 {
         return path.to_path_buf();
     }

@@ -45,6 +45,7 @@ pub struct Camera {
     component: u8,
     allowed: Vec<u32>,
     uri: Option<String>,
+    rate: Option<f32>,
     hfov: Option<f64>,
     hub: Arc<Hub>,
     began: Instant,
@@ -83,6 +84,7 @@ impl Camera {
             component: options.component,
             allowed: options.allowed_systems(),
             uri: options.video_uri.clone(),
+            rate: options.video_rate,
             hfov: options.hfov,
             hub,
             began: Instant::now(),
@@ -338,7 +340,7 @@ impl Camera {
         let (resolution_h, resolution_v) = resolution(view);
         Some(MavMessage::VIDEO_STREAM_INFORMATION(
             VIDEO_STREAM_INFORMATION_DATA {
-                framerate: view.frame_rate(),
+                framerate: self.rate.unwrap_or(view.frame_rate()),
                 flags: stream_flags(view),
                 resolution_h,
                 resolution_v,
@@ -356,7 +358,7 @@ impl Camera {
     fn stream_status(&self, view: &View) -> MavMessage {
         let (resolution_h, resolution_v) = resolution(view);
         MavMessage::VIDEO_STREAM_STATUS(VIDEO_STREAM_STATUS_DATA {
-            framerate: view.frame_rate(),
+            framerate: self.rate.unwrap_or(view.frame_rate()),
             flags: stream_flags(view),
             resolution_h,
             resolution_v,
@@ -490,6 +492,9 @@ fn stream_flags(view: &View) -> VideoStreamStatusFlags {
 
 /// What ground stations need to know to play an address.
 fn stream_type(uri: &str) -> VideoStreamType {
+    if uri.parse::<u16>().is_ok() {
+        return VideoStreamType::VIDEO_STREAM_TYPE_RTPUDP; // the port to listen at
+    }
     let scheme = uri.split_once("://").map_or("", |(scheme, _)| scheme);
     match scheme {
         "udp" | "rtp" => VideoStreamType::VIDEO_STREAM_TYPE_RTPUDP,

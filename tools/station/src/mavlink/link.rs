@@ -10,13 +10,14 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use ::mavlink::dialects::common::MavMessage;
+use ::mavlink::dialects::common::{MavMessage, VideoStreamEncoding};
 use ::mavlink::error::MessageReadError;
 use ::mavlink::{
     MAVLinkMessageRaw, MAVLinkV2MessageRaw, MavHeader, MavlinkReader, SigningConfig, SigningData,
 };
 
 use super::address::Address;
+use super::stream;
 use crate::hub::lock;
 
 /// Number of a peer on its link.
@@ -86,6 +87,7 @@ pub struct Link {
     /// Whether the link ends with its only connection.
     is_single: bool,
     header: MavHeader,
+    encoding: VideoStreamEncoding,
 }
 
 impl Link {
@@ -142,12 +144,18 @@ impl Link {
             socket,
             is_single,
             header,
+            encoding: VideoStreamEncoding::DEFAULT,
         })
     }
 
     /// The next message that was read, if there is one.
     pub fn receive(&self) -> Option<Received> {
         self.received.try_recv().ok()
+    }
+
+    /// Says how the video is encoded that this link tells of.
+    pub fn set_encoding(&mut self, encoding: VideoStreamEncoding) {
+        self.encoding = encoding;
     }
 
     /// Whether the link's only connection has ended.
@@ -169,6 +177,10 @@ impl Link {
     /// # Errors
     /// If the link itself fails; a peer that does not take it is no failure.
     pub fn send(&mut self, audience: Audience, message: &MavMessage) -> Result<()> {
+        if let MavMessage::VIDEO_STREAM_INFORMATION(data) = message {
+            let raw = stream::serialized(data, self.encoding, self.header, self.signing());
+            return self.send_raw(audience, &raw);
+        }
         let mut raw = MAVLinkV2MessageRaw::new();
         match &self.shared.signing {
             Some(signing) => {

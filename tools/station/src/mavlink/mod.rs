@@ -7,6 +7,7 @@
 //! | `camera.rs` | the camera protocol: what is answered, what is told |
 //! | `clients.rs` | who wants the tracking status how often |
 //! | `pointing.rs` | gimbal rates and the landing target |
+//! | `stream.rs` | the encoding of the video, which the dialect's message lacks |
 //! | `unknown.rs` | commands that the dialect has no name for |
 //!
 //! **Invariant:** nothing that arrives here reaches the tracker but sound commands from allowed
@@ -17,6 +18,7 @@ mod camera;
 mod clients;
 mod link;
 mod pointing;
+mod stream;
 mod unknown;
 
 use std::path::{Path, PathBuf};
@@ -25,6 +27,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ::mavlink::dialects::common::MavMessage;
+pub use ::mavlink::dialects::common::VideoStreamEncoding;
 use ::mavlink::{MavHeader, Message};
 
 use crate::error::{Error, read_secret};
@@ -52,6 +55,10 @@ pub struct MavlinkOptions {
     pub key: Option<PathBuf>,
     /// Where ground stations get the video.
     pub video_uri: Option<String>,
+    /// Frames per second of the video; `None` for those of the source.
+    pub video_rate: Option<f32>,
+    /// How the video is encoded.
+    pub video_encoding: VideoStreamEncoding,
     /// Whether gimbal rates keep the target in the middle.
     pub gimbal: bool,
     /// Whether LANDING_TARGET tells the angles to the target.
@@ -69,6 +76,8 @@ impl Default for MavlinkOptions {
             allow: vec![255],
             key: None,
             video_uri: None,
+            video_rate: None,
+            video_encoding: VideoStreamEncoding::VIDEO_STREAM_ENCODING_UNKNOWN,
             gimbal: false,
             landing_target: false,
             hfov: None,
@@ -135,8 +144,9 @@ fn keep_open(address: &Address, options: &MavlinkOptions, hub: &Arc<Hub>, key: O
     let mut is_told = false; // a link that stays down is said once
     while !hub.is_stopping() {
         match Link::open(address, options.header(), &options.allowed_systems(), key) {
-            Ok(link) => {
+            Ok(mut link) => {
                 is_told = false;
+                link.set_encoding(options.video_encoding);
                 if let Err(error) = serve(link, options, hub) {
                     say!("mavlink: {address}: {error}; opening it again");
                 }

@@ -45,16 +45,25 @@ impl Unknown {
 
     /// The acknowledgement that says that the command is unsupported.
     pub fn refusal(&self, header: MavHeader, signing: Option<&SigningData>) -> MAVLinkV2MessageRaw {
-        let mut message = MAVLinkV2MessageRaw::new();
-        if signing.is_some() {
-            *message.incompatibility_flags_mut() = SIGNED;
-        }
-        message.serialize_message_data(header, &Refusal(self.command));
-        if let Some(signing) = signing {
-            signing.sign_message(&mut message);
-        }
-        message
+        serialized(&Refusal(self.command), header, signing)
     }
+}
+
+/// A message of our own making, signed if the link has a key.
+pub fn serialized(
+    data: &impl MessageData,
+    header: MavHeader,
+    signing: Option<&SigningData>,
+) -> MAVLinkV2MessageRaw {
+    let mut message = MAVLinkV2MessageRaw::new();
+    if signing.is_some() {
+        *message.incompatibility_flags_mut() = SIGNED;
+    }
+    message.serialize_message_data(header, data);
+    if let Some(signing) = signing {
+        signing.sign_message(&mut message);
+    }
+    message
 }
 
 /// COMMAND_ACK whose command is a mere number.

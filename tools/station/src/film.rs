@@ -1,0 +1,545 @@
+//! The video with boxes burnt in, encoded by the user's own ffmpeg into a file or stream.
+//!
+//! A thread of its own draws and writes; a frame for which it is not ready is dropped and counted.
+//! ffmpeg reads its frames from our pipe, so it ends with us.
+
+use std::ffi::OsString;
+use std::io::{ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use image::{RgbImage, imageops};
+
+use crate::error::Error;
+use crate::hub::lock;
+use crate::picture::Picture;
+use crate::report::Tracked;
+use crate::say::say;
+use crate::slot::Slot;
+
+/// Frames that may wait to be drawn.
+const MAX_WAITING: usize = 2;
+/// Wait before an encoder that failed is started again: doubled from the first to the second value.
+const RETRY: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(16));
+/// How often a thread without frames looks whether it is to end.
+const TICK: Duration = Duration::from_millis(50);
+/// How long an encoder may take to complete a file.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Files of one name.
+const MAX_FILES: usize = 10_000;
+/// Bytes of an encoder's complaints that are said at most.
+const MAX_WORDS: usize = 300;
+
+/// Draws what is known of a frame into a copy of it.
+pub type Draw = fn(&Picture, Option<&Tracked>, &str) -> RgbImage;
+
+/// How the video is to be written.
+#[derive(Clone, Debug)]
+pub struct FilmOptions {
+    /// Where to.
+    pub output: Output,
+    /// Frames per second.
+    pub rate: f64,
+    /// ffmpeg's options for encoder and output; empty for H.264 without delay.
+    pub args: Vec<String>,
+    /// What draws.
+    pub draw: Draw,
+}
+
+/// Where the video goes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// A file; one that is there is kept, and the new one gets a number.
+    File(PathBuf),
+    /// A stream.
+    Stream {
+        /// Its address.
+        url: String,
+        /// ffmpeg's name of its format.
+        format: &'static str,
+    },
+}
+
+impl Output {
+    /// A file, or a stream of a known scheme: `rtp`, `rtsp`, `udp`, `srt`, `tcp` or `rtmp`.
+    ///
+    /// # Errors
+    /// If the scheme is another one, or an RTP address has no port.
+    pub fn parse(text: &str) -> Result<Output, String> {
+        let Some((scheme, rest)) = text.split_once("://") else {
+            return Ok(Output::File(text.into()));
+        };
+        let format = match scheme {
+            "rtp" => "rtp",
+            "rtsp" => "rtsp",
+            "udp" | "srt" | "tcp" => "mpegts",
+            "rtmp" => "flv",
+            _ => return Err("expected a file, rtp://, rtsp://, udp://, srt:// or rtmp://".into()),
+        };
+        if format == "rtp" && port(rest).is_none() {
+            return Err("expected rtp://HOST:PORT".into());
+        }
+        Ok(Output::Stream {
+            url: text.into(),
+            format,
+        })
+    }
+
+    /// Where ground stations find it, as MAVLink has it: the address of a server, or the port at
+    /// which they are to listen.
+    pub fn announced(&self) -> Option<String> {
+        let Output::Stream { url, format } = self else {
+            return None;
+        };
+        let (scheme, rest) = url.split_once("://")?;
+        match *format {
+            "rtp" => port(rest).map(|port| port.to_string()),
+            "rtsp" => Some(url.clone()),
+            _ if scheme == "udp" => port(rest).map(|port| format!("mpegts://0.0.0.0:{port}")),
+            _ => None,
+        }
+    }
+}
+
+/// The port of `HOST:PORT/...?...`.
+fn port(rest: &str) -> Option<u16> {
+    let host = rest.split(['/', '?']).next()?;
+    host.rsplit_once(':')?
+        .1
+        .parse()
+        .ok()
+        .filter(|port| *port > 0)
+}
+
+/// One frame to draw.
+struct Job {
+    picture: Picture,
+    track: Option<Tracked>,
+    caption: String,
+}
+
+/// What the threads share.
+#[derive(Default)]
+struct Shared {
+    encoder: Mutex<Option<Encoder>>,
+    written: AtomicU64,
+    is_ending: AtomicBool,
+}
+
+/// A running ffmpeg, and the thread that reads its complaints and returns the last ones.
+struct Encoder {
+    child: Child,
+    complaints: JoinHandle<Vec<u8>>,
+}
+
+/// A video that is being written.
+pub struct Film {
+    jobs: SyncSender<Job>,
+    thread: JoinHandle<()>,
+    shared: Arc<Shared>,
+    dropped: u64,
+}
+
+impl Film {
+    /// Starts the thread; pictures that are drawn go back to `slot`.
+    ///
+    /// # Errors
+    /// If the file cannot be created.
+    pub fn start(options: FilmOptions, slot: Arc<Slot>) -> Result<Film, Error> {
+        let target = match &options.output {
+            Output::File(path) => {
+                let path = free_path(path).map_err(|error| {
+                    Error::output(format!("--video-out {}", path.display()), error)
+                })?;
+                say!("video: {}", path.display());
+                let mut target = OsString::from("file:");
+                target.push(&path);
+                target
+            }
+            Output::Stream { url, .. } => url.into(),
+        };
+        let (jobs, waiting) = sync_channel(MAX_WAITING);
+        let shared = Arc::<Shared>::default();
+        let writer = Writer {
+            options,
+            target,
+            shared: Arc::clone(&shared),
+            slot,
+            size: None,
+            retry: Instant::now(),
+            wait: RETRY.0,
+            is_hopeless: false,
+        };
+        let thread = std::thread::spawn(move || writer.run(&waiting));
+        Ok(Film {
+            jobs,
+            thread,
+            shared,
+            dropped: 0,
+        })
+    }
+
+    /// Has a frame drawn and written; a picture for which there is no room is given back.
+    pub fn add(
+        &mut self,
+        picture: Picture,
+        track: Option<Tracked>,
+        caption: String,
+    ) -> Option<Picture> {
+        let job = Job {
+            picture,
+            track,
+            caption,
+        };
+        match self.jobs.try_send(job) {
+            Ok(()) => None,
+            Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) => {
+                self.dropped += 1;
+                Some(job.picture)
+            }
+        }
+    }
+
+    /// Ends the video, and its encoder by force if it does not end by itself.
+    pub fn finish(self) {
+        self.shared.is_ending.store(true, Ordering::Relaxed);
+        drop(self.jobs);
+        let until = Instant::now() + PATIENCE;
+        while !self.thread.is_finished() && Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        if let Some(encoder) = lock(&self.shared.encoder).as_mut() {
+            let _ = encoder.child.kill(); // an error means that it has ended
+            let _ = encoder.child.wait();
+        }
+        say!(
+            "video: {} frames, {} dropped",
+            self.shared.written.load(Ordering::Relaxed),
+            self.dropped
+        );
+    }
+}
+
+/// What the thread owns.
+struct Writer {
+    options: FilmOptions,
+    target: OsString,
+    shared: Arc<Shared>,
+    slot: Arc<Slot>,
+    size: Option<(usize, usize)>, // that of the first frame, which all others get
+    retry: Instant,
+    wait: Duration,
+    is_hopeless: bool, // a file is not begun again: that would destroy it
+}
+
+impl Writer {
+    fn run(mut self, jobs: &Receiver<Job>) {
+        let mut pipe = None;
+        loop {
+            let job = match jobs.recv_timeout(TICK) {
+                Ok(job) => job,
+                Err(RecvTimeoutError::Timeout) => continue,
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            if pipe.is_none() && !self.is_hopeless && Instant::now() >= self.retry {
+                pipe = self.start(job.picture.size());
+            }
+            if let Some(open) = &mut pipe {
+                let image = self.image(&job);
+                // A blocked write ends when the encoder is killed.
+                if let Err(error) = open.write_all(image.as_raw()) {
+                    pipe = None;
+                    self.give_up(&error.to_string());
+                } else {
+                    self.shared.written.fetch_add(1, Ordering::Relaxed);
+                    self.wait = RETRY.0;
+                }
+            }
+            self.slot.recycle(job.picture);
+        }
+        // The end of its input makes the encoder complete what it writes.
+        drop(pipe);
+        self.wait_for_the_end();
+    }
+
+    fn image(&self, job: &Job) -> RgbImage {
+        let image = (self.options.draw)(&job.picture, job.track.as_ref(), &job.caption);
+        match self.size {
+            Some((w, h)) if image.dimensions() != (w as u32, h as u32) => {
+                imageops::thumbnail(&image, w as u32, h as u32)
+            }
+            _ => image,
+        }
+    }
+
+    /// Starts an encoder for frames of the first frame's size.
+    fn start(&mut self, size: (usize, usize)) -> Option<impl Write + use<>> {
+        let size = *self.size.get_or_insert(size);
+        let mut child = match self.command(size).spawn() {
+            Ok(child) => child,
+            Err(error) => {
+                let reason = match error.kind() {
+                    ErrorKind::NotFound => "ffmpeg is needed, but was not found".into(),
+                    _ => format!("ffmpeg could not be started: {error}"),
+                };
+                self.fail(&reason);
+                return None;
+            }
+        };
+        let pipe = child.stdin.take();
+        let errors = child.stderr.take();
+        let complaints = std::thread::spawn(move || errors.map(read_last).unwrap_or_default());
+        *lock(&self.shared.encoder) = Some(Encoder { child, complaints });
+        pipe
+    }
+
+    fn command(&self, (width, height): (usize, usize)) -> Command {
+        let rate = self.options.rate.to_string();
+        let mut command = Command::new("ffmpeg");
+        command.args(["-hide_banner", "-loglevel", "error", "-y"]);
+        // Live frames come when they come: the clock stamps them, and the rate is kept behind it.
+        command.args([
+            "-use_wallclock_as_timestamps",
+            "1",
+            "-f",
+            "rawvideo",
+            "-pix_fmt",
+            "rgb24",
+        ]);
+        command.args([
+            "-s",
+            &format!("{width}x{height}"),
+            "-framerate",
+            &rate,
+            "-i",
+            "pipe:0",
+        ]);
+        // Most encoders want even sides.
+        command.args(["-an", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-r", &rate]);
+        if self.options.args.is_empty() {
+            let key_frames = self.options.rate.ceil().to_string(); // one a second
+            command.args([
+                "-c:v",
+                "libx264",
+                "-preset",
+                "ultrafast",
+                "-tune",
+                "zerolatency",
+            ]);
+            command.args(["-pix_fmt", "yuv420p", "-g", &key_frames]);
+        }
+        command.args(&self.options.args);
+        match &self.options.output {
+            Output::File(path) => {
+                // What was written before a crash or a lost battery can be played.
+                let is_mp4 = path
+                    .extension()
+                    .is_some_and(|e| e.eq_ignore_ascii_case("mp4"));
+                if is_mp4 {
+                    command.args(["-movflags", "+frag_keyframe+empty_moov"]);
+                }
+            }
+            Output::Stream { format, .. } => {
+                command.args(["-f", format]);
+                if *format == "rtsp" {
+                    command.args(["-rtsp_transport", "tcp"]);
+                }
+            }
+        }
+        command.arg(&self.target);
+        // On its standard output ffmpeg describes RTP streams.
+        command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
+        command
+    }
+
+    /// The encoder has closed its input.
+    fn give_up(&mut self, error: &str) {
+        let ended = lock(&self.shared.encoder).take();
+        let words = ended.map(last_words).unwrap_or_default();
+        let reason = if words.is_empty() { error } else { &words };
+        self.fail(&format!("ffmpeg has ended: {reason}"));
+    }
+
+    fn fail(&mut self, reason: &str) {
+        if self.shared.is_ending.load(Ordering::Relaxed) {
+            return;
+        }
+        self.is_hopeless = matches!(self.options.output, Output::File(_));
+        self.retry = Instant::now() + self.wait;
+        let consequence = if self.is_hopeless {
+            "going on without it".into()
+        } else {
+            format!("trying again in {} s", self.wait.as_secs())
+        };
+        self.wait = (2 * self.wait).min(RETRY.1);
+        say!("video: {reason}; {consequence}");
+    }
+
+    fn wait_for_the_end(&self) {
+        // Not held while waiting, so that the encoder can be killed meanwhile.
+        loop {
+            let mut encoder = lock(&self.shared.encoder);
+            match encoder.as_mut().map(|encoder| encoder.child.try_wait()) {
+                Some(Ok(None)) => drop(encoder),
+                _ => return,
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+/// Reads to the end, so that the encoder never blocks on it, and keeps the last bytes.
+fn read_last(mut errors: ChildStderr) -> Vec<u8> {
+    let mut kept = Vec::new();
+    let mut chunk = [0; 1024];
+    while let Ok(count @ 1..) = errors.read(&mut chunk) {
+        kept.extend_from_slice(&chunk[..count]);
+        let excess = kept.len().saturating_sub(2 * MAX_WORDS);
+        kept.drain(..excess);
+    }
+    kept
+}
+
+/// What an encoder that closed its input has complained about.
+fn last_words(mut encoder: Encoder) -> String {
+    let _ = encoder.child.kill(); // it may hang although it has closed its input
+    let _ = encoder.child.wait();
+    let words = encoder.complaints.join().unwrap_or_default();
+    let text = String::from_utf8_lossy(&words);
+    let last = text.lines().rev().find(|line| !line.trim().is_empty());
+    let last = last.unwrap_or_default().trim();
+    last.chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .take(MAX_WORDS)
+        .collect()
+}
+
+/// The path, or one with a number before its extension if there is a file already.
+fn free_path(path: &Path) -> std::io::Result<PathBuf> {
+    for number in 0..MAX_FILES {
+        let candidate = crate::log::numbered(path, number);
+        match std::fs::File::create_new(&candidate) {
+            Ok(_) => return Ok(candidate),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error),
+        }
+    }
+    let reason = format!("{MAX_FILES} videos of this name are there, expected fewer");
+    Err(std::io::Error::other(reason))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::Order;
+
+    fn plain(picture: &Picture, _: Option<&Tracked>, _: &str) -> RgbImage {
+        picture.to_rgb()
+    }
+
+    #[test]
+    fn output_is_a_file_or_a_stream_of_a_known_scheme() {
+        let stream = |url: &str, format| {
+            Ok(Output::Stream {
+                url: url.into(),
+                format,
+            })
+        };
+        for (text, expected) in [
+            ("flight.mp4", Ok(Output::File("flight.mp4".into()))),
+            ("rtp://10.0.0.2:5600", stream("rtp://10.0.0.2:5600", "rtp")),
+            ("rtsp://a:8554/live", stream("rtsp://a:8554/live", "rtsp")),
+            (
+                "udp://10.0.0.2:5600",
+                stream("udp://10.0.0.2:5600", "mpegts"),
+            ),
+        ] {
+            assert_eq!(Output::parse(text), expected, "{text}");
+        }
+        for wrong in ["rtp://10.0.0.2", "rtp://10.0.0.2:0", "gopher://a"] {
+            assert!(Output::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn stream_is_announced_as_ground_stations_reach_it() {
+        for (text, expected) in [
+            ("rtp://10.0.0.2:5600?ttl=1", Some("5600")),
+            (
+                "rtsp://10.0.0.9:8554/live",
+                Some("rtsp://10.0.0.9:8554/live"),
+            ),
+            ("udp://10.0.0.2:5600", Some("mpegts://0.0.0.0:5600")),
+            ("srt://10.0.0.2:9000", None),
+            ("flight.mp4", None),
+        ] {
+            let announced = Output::parse(text).unwrap().announced();
+
+            assert_eq!(announced.as_deref(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn frames_are_dropped_and_counted_where_the_encoder_does_not_keep_up() {
+        fn slow(picture: &Picture, _: Option<&Tracked>, _: &str) -> RgbImage {
+            std::thread::sleep(Duration::from_millis(300));
+            picture.to_rgb()
+        }
+        let options = FilmOptions {
+            output: Output::parse("rtp://127.0.0.1:9").unwrap(),
+            rate: 30.0,
+            args: Vec::new(),
+            draw: slow,
+        };
+        let picture = Picture {
+            data: vec![90; 64 * 48],
+            width: 64,
+            height: 48,
+            order: Order::Gray,
+        };
+        let mut film = Film::start(options, Arc::default()).unwrap();
+
+        let began = Instant::now();
+        let returned: Vec<bool> = (0..20)
+            .map(|_| film.add(picture.clone(), None, String::new()).is_some())
+            .collect();
+        let took = began.elapsed();
+
+        assert!(
+            took < Duration::from_millis(200),
+            "tracking waits: {took:?}"
+        );
+        let dropped = returned.iter().filter(|is_returned| **is_returned).count();
+        assert!(dropped >= 15, "{dropped}");
+        assert_eq!(film.dropped, dropped as u64);
+        film.finish();
+    }
+
+    #[test]
+    fn earlier_video_is_kept() {
+        let folder = std::env::temp_dir().join(format!("track-cpu-film-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("f.mkv");
+        std::fs::write(&path, "earlier").unwrap();
+        let options = FilmOptions {
+            output: Output::File(path.clone()),
+            rate: 30.0,
+            args: Vec::new(),
+            draw: plain,
+        };
+
+        Film::start(options, Arc::default()).unwrap().finish();
+
+        assert_eq!(std::fs::read(&path).unwrap(), b"earlier");
+        assert!(folder.join("f-1.mkv").exists());
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}
