@@ -70,8 +70,8 @@ impl BBox {
             .all(|v| v.is_finite())
     }
 
-    /// Whether this looks like a box in shares of the frame, as YOLO writes them: no number of it is
-    /// above 1.
+    /// Whether this looks like a box in shares of the frame, as YOLO writes them: no number is above
+    /// 1.
     pub fn is_in_shares(&self) -> bool {
         let numbers = [self.x, self.y, self.w, self.h];
         self.w > 0.0 && self.h > 0.0 && numbers.iter().all(|number| *number <= 1.0)

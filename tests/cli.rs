@@ -242,6 +242,59 @@ fn overlay_folder_holds_a_picture_per_frame() {
     assert!(edge[0] > 180 && edge[2] < 120, "no amber outline: {edge:?}");
 }
 
+#[test]
+fn boxes_of_several_trackers_are_compared_in_pictures_and_on_a_sheet() {
+    let (frames, init) = flight(5);
+    let folder = folder("cli-compare");
+    let input = folder.join("input");
+    std::fs::create_dir_all(&input).unwrap();
+    write_pngs(&input, &frames);
+    let ours = folder.join("ours.txt");
+    let other = folder.join("other.txt");
+    std::fs::write(&ours, format!("{init}\n").repeat(5)).unwrap();
+    std::fs::write(&other, "nan,nan,nan,nan\n5 6 20 20\n").unwrap();
+    let compare = |out: &Path| {
+        let files = [text(&ours), text(&other)];
+        let more = ["--input", text(&input), "--out", text(out)];
+        run([&["compare"][..], &files, &more].concat(), b"")
+    };
+
+    let drawn = folder.join("drawn");
+    let pictures = compare(&drawn);
+    let sheet = folder.join("sheet.png");
+    let sheeted = compare(&sheet);
+    let destroyed = compare(&ours);
+
+    assert!(pictures.status.success(), "{}", stderr(&pictures));
+    let said = stderr(&pictures);
+    assert!(said.contains("other has 2 boxes for 5 frames"), "{said}");
+    let second = image::open(drawn.join("000001.jpg")).unwrap().into_rgb8();
+    let bbox = &boxes(&init)[0];
+    let top = bbox[1].round() as u32 - 1;
+    let amber = second.get_pixel((bbox[0] + bbox[2] / 2.0) as u32, top).0;
+    assert!(amber[0] > 180 && amber[2] < 120, "{amber:?}");
+    let blue = second.get_pixel(15, 5).0;
+    assert!(blue[2] > 180 && blue[0] < 140, "{blue:?}");
+    assert!(sheeted.status.success(), "{}", stderr(&sheeted));
+    let (width, _) = image::open(&sheet).unwrap().into_rgb8().dimensions();
+    assert!(width > 4 * SIZE.0.min(400) as u32, "{width}");
+    assert_eq!(destroyed.status.code(), Some(2), "{}", stderr(&destroyed));
+}
+
+#[cfg(feature = "serve")]
+#[test]
+fn wrong_line_of_a_configuration_is_named() {
+    let path = folder("cli-config").join("track-cpu.toml");
+    std::fs::write(&path, "# a flight\nfps = 30\nmax-age = 250\n").unwrap();
+
+    let refused = run(["serve", "--config", text(&path)], b"");
+
+    let said = stderr(&refused);
+    let expected = format!("{}:3: serve has no option --max-age", text(&path));
+    assert!(said.contains(&expected), "{said}");
+    assert_eq!(refused.status.code(), Some(2));
+}
+
 /// One test for all of ffmpeg, so that no other process holds a script while it starts.
 #[cfg(unix)]
 #[test]
@@ -727,6 +780,7 @@ fn help_of_every_command_explains_it() {
         (&["--help"][..], &["Exit codes", "track-cpu demo"][..]),
         (&["track", "--help"], &["rtsp://", "yuv420p", "--overlay"]),
         (&["demo", "--help"], &["IoU"]),
+        (&["compare", "--help"], &["sheet.png"]),
         (&["info", "--help"], &["7,489,986"]),
         (&["bench", "--help"], &["GFLOP/s"]),
     ] {

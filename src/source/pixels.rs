@@ -62,14 +62,13 @@ impl PixelFormat {
     ];
 
     /// The names that V4L2 and GStreamer give these formats, in lower case.
-    const OTHER_NAMES: [(&'static str, PixelFormat); 13] = [
+    const OTHER_NAMES: [(&'static str, PixelFormat); 12] = [
         ("bgr", PixelFormat::Bgr24),
         ("rgb", PixelFormat::Rgb24),
         ("bgr0", PixelFormat::Bgra),
         ("rgb0", PixelFormat::Rgba),
         ("bgrx", PixelFormat::Bgra),
         ("rgbx", PixelFormat::Rgba),
-        ("grey", PixelFormat::Gray),
         ("gray8", PixelFormat::Gray),
         ("gray16_le", PixelFormat::Gray16Le),
         ("i420", PixelFormat::Yuv420p),

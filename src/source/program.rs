@@ -1,5 +1,5 @@
-//! A program that decodes for us: it is spawned, writes frames into a pipe, and is killed when it is
-//! no longer wanted.
+//! A program that decodes for us: it is spawned, writes frames into a pipe, and is killed when
+//! nobody wants it any more.
 //!
 //! ffmpeg ends with success where a file is cut off or damaged, and only says so. Its words
 //! therefore count as an error at the end. Of a GIF or a transport stream that is cut off it says

@@ -7,6 +7,7 @@
 //! | `log.rs` | a flight done again, box for box |
 //! | `mavlink.rs` | MAVLink as ground stations speak it |
 //! | `page.rs` | the web page |
+//! | `video.rs` | the video with boxes burnt in |
 //! | `support.rs` | running programs, a camera on a pipe, a ground station |
 
 #![cfg(all(feature = "serve", unix))]
@@ -17,3 +18,4 @@ mod log;
 mod mavlink;
 mod page;
 mod support;
+mod video;

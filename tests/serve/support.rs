@@ -86,10 +86,15 @@ impl Serving {
     }
 
     /// Sends SIGTERM and waits for the end.
-    pub fn end(mut self) -> Option<i32> {
+    pub fn end(self) -> Option<i32> {
         self.signal("-TERM");
+        self.end_of_itself()
+    }
+
+    /// Waits for the end.
+    pub fn end_of_itself(mut self) -> Option<i32> {
         let status = until(|| self.child.try_wait().unwrap());
-        status.expect("serve ends on SIGTERM").code()
+        status.expect("serve ends").code()
     }
 }
 

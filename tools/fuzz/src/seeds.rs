@@ -194,6 +194,8 @@ fn commands() -> Seeds {
     vec![
         ("rectangle", br#"{"rectangle": [0.1, 0.2, 0.4, 5e-1]}"#.to_vec()),
         ("point", br#"{"point": [0.5, 0.5], "frame": 7}"#.to_vec()),
+        ("box", br#"{"id": 1, "command": "start", "box": [4, 5, 20, 9]}"#.to_vec()),
+        ("state", br#"{"command": "state"}"#.to_vec()),
         ("log", format!("{head}\n{start}\n{rest}\n").into()),
     ]
 }

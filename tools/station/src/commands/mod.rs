@@ -156,7 +156,7 @@ fn serve_datagrams(hub: &Hub, socket: &UdpSocket) {
             }
         }
         for (to, answer) in desk.answers() {
-            let _ = socket.send_to(answer.as_bytes(), to); // a peer that has gone is no fault of ours
+            let _ = socket.send_to(answer.as_bytes(), to); // the peer may have gone
         }
     }
 }

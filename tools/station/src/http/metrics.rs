@@ -1,6 +1,5 @@
-//! The newest report as Prometheus reads it: text format 0.0.4.
-//!
-//! <https://prometheus.io/docs/instrumenting/exposition_formats/>
+//! The newest report as Prometheus reads it: its text format, version 0.0.4, is described at
+//! <https://prometheus.io/docs/instrumenting/exposition_formats/>.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -1,0 +1,112 @@
+//! The video with boxes burnt in.
+
+use std::os::unix::fs::PermissionsExt;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use ::mavlink::dialects::common::*;
+use track_cpu::source::{Input, Source};
+
+use crate::support::*;
+
+fn has_ffmpeg() -> bool {
+    let found = Command::new("ffmpeg").arg("-version").output().is_ok();
+    if !found {
+        println!("skipped: ffmpeg is not installed");
+    }
+    found
+}
+
+/// A number that stands before a word on standard error.
+fn number_before(said: &str, word: &str) -> u64 {
+    let before = said.split(word).next().unwrap();
+    let number = before.trim_end().rsplit(' ').next().unwrap();
+    number
+        .parse()
+        .unwrap_or_else(|_| panic!("{word} in {said}"))
+}
+
+#[test]
+fn film_holds_the_frames_with_their_boxes_and_keeps_an_earlier_one() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = Folder::new("film");
+    let path = folder.file("f.mkv");
+    std::fs::write(&path, "earlier").unwrap();
+    let place = folder.file("f-1.mkv");
+    let init = ["--init", "140,70.2,40,29.8", "--video-out", &path];
+    let args = ["--video-args", "-c:v mjpeg -pix_fmt yuvj420p -q:v 2"];
+    let serving = Serving::start(&[&SLOW_FLIGHT[..], &init, &args].concat());
+    std::thread::sleep(Duration::from_secs(4));
+
+    assert_eq!(serving.end(), Some(0));
+    let mut count = 0;
+    let mut amber = 0;
+    for image in Source::open(&Input::new(&place)).unwrap() {
+        let image = image.unwrap();
+        assert_eq!((image.width, image.height), (320, 180));
+        count += 1;
+        let is_amber = |p: &&[u8]| p[0] > 200 && (140..230).contains(&p[1]) && p[2] < 90;
+        amber += image.data.chunks_exact(3).filter(is_amber).count();
+    }
+
+    assert!(count > 5, "{count} frames");
+    assert!(
+        amber > 100 * count,
+        "{amber} pixels of boxes in {count} frames"
+    );
+    assert_eq!(std::fs::read(&path).unwrap(), b"earlier");
+}
+
+#[test]
+fn encoder_that_never_reads_holds_nothing_up_and_ends_with_the_program() {
+    let folder = Folder::new("encoder");
+    let program = folder.file("ffmpeg");
+    std::fs::write(&program, "#!/bin/sh\nexec /bin/sleep 600\n").unwrap();
+    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    let page = Page::new();
+    let mut command = Command::new(PROGRAM);
+    command.arg("serve").args(SLOW_FLIGHT).args(page.options());
+    command.args(["--video-out", "rtp://127.0.0.1:5999"]);
+    command
+        .env("PATH", folder.path())
+        .stdin(Stdio::null())
+        .stdout(Stdio::null());
+    let serving = Serving::spawn(command);
+
+    let frame = until(|| page.state()["frame"].as_u64().filter(|frame| *frame > 20));
+    let began = Instant::now();
+    serving.signal("-TERM");
+    serving.wait_for("video: ");
+    let said = serving.said();
+
+    assert!(frame.is_some(), "tracking waits for the encoder");
+    assert!(
+        began.elapsed() < Duration::from_secs(20),
+        "{:?}",
+        began.elapsed()
+    );
+    assert!(number_before(&said, "dropped") > 5, "{said}");
+    assert_eq!(serving.end_of_itself(), Some(0));
+}
+
+#[test]
+fn ground_station_is_told_the_port_the_type_and_the_rate() {
+    let (station, address) = GroundStation::listen();
+    let args = ["--mavlink", &address, "--video-out", "rtp://127.0.0.1:5998"];
+    let serving = Serving::start(&[&SLOW_FLIGHT[..], &args].concat());
+
+    let request = MavCmd::MAV_CMD_REQUEST_MESSAGE;
+    station.insist(request, [269.0, 0.0, 0.0, 0.0]);
+    let stream = station.wait("stream information", |message| match message {
+        MavMessage::VIDEO_STREAM_INFORMATION(stream) => Some(stream),
+        _ => None,
+    });
+
+    assert_eq!(stream.uri.to_str(), Ok("5998"));
+    assert_eq!(stream.mavtype, VideoStreamType::VIDEO_STREAM_TYPE_RTPUDP);
+    assert_eq!(stream.framerate, 10.0);
+    assert_eq!((stream.resolution_h, stream.resolution_v), (320, 180));
+    assert_eq!(serving.end(), Some(0));
+}
