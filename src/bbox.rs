@@ -70,7 +70,7 @@ impl BBox {
             .all(|v| v.is_finite())
     }
 
-    /// Whether this looks like a box in shares of the frame, as YOLO writes them: no number is above
+    /// Whether this looks like a box in shares of the frame, as YOLO writes it: no number is above
     /// 1.
     pub fn is_in_shares(&self) -> bool {
         let numbers = [self.x, self.y, self.w, self.h];
