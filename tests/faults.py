@@ -733,27 +733,25 @@ SOAK = [
 ]
 
 
-# Largest growth from one round of all faults to the next, and after the first round at all. A leak
+# Largest growth from one round of faults to the next, and after the first round at all. A leak
 # grows in every round; a buffer that grows once to its bound does so in one of them.
+ROUND = len(SOAK)
 MAX_GROWTH = {"MB": 0.7, "threads": 0.5, "files": 0.5}
 MAX_STEP = {"MB": 8, "threads": 2, "files": 2}
 
 
-def growth(rows):
-    """Growth a round: for each fault the least between two tries in a row, their middle one.
+def growth(values):
+    """Growth a round: for each fault of a round the least between two rounds, their middle one.
 
     The first round is left out, since it is the one that fills buffers. `None` for fewer than three
     further rounds: a single step must not look like steady growth.
     """
-    by_fault = collections.defaultdict(list)
-    for name, value in rows:
-        by_fault[name].append(value)
-    least = [
-        min(b - a for a, b in zip(values[1:], values[2:]))
-        for values in by_fault.values()
-        if len(values) >= 4
-    ]
-    return sorted(least)[len(least) // 2] if least else None
+    least = []
+    for place in range(ROUND):
+        tries = values[place::ROUND][1:]
+        if len(tries) >= 3:
+            least.append(min(b - a for a, b in zip(tries, tries[1:])))
+    return sorted(least)[len(least) // 2] if len(least) > ROUND // 2 else None
 
 
 def test_growth():
@@ -761,29 +759,27 @@ def test_growth():
     chance = random.Random(3)
     for leak, step, is_leak in ((0, 0, False), (0, 14, False), (0.1, 0, True), (0.1, 14, True)):
         for rounds in (4, 5, 8):
-            rows, value = [], 58.0
-            for index in range(rounds * len(SOAK)):
-                value += leak + (step if index == 2 * len(SOAK) + 3 else 0)
-                rows.append((SOAK[index % len(SOAK)][0], value + chance.uniform(-0.2, 0.2)))
-            found = growth(rows)
+            values, value = [], 58.0
+            for index in range(rounds * ROUND):
+                value += leak + (step if index == 2 * ROUND + 3 else 0)
+                values.append(value + chance.uniform(-0.2, 0.2))
+            found = growth(values)
             assert (found > MAX_GROWTH["MB"]) == is_leak, (leak, step, rounds, found)
 
 
 def judge_growth(rows):
     """Checks that memory, threads and open files do not grow with the number of faults."""
-    # Without a whole round that every fault was tried in, half of the run counts as warm.
-    rounds = len(rows) / len({name for name, *_ in rows})
-    warm = rows[len(rows) // 2 if rounds < 2 else int(len(rows) / rounds) :]
-    for column, unit in ((1, "MB"), (2, "threads"), (3, "files")):
-        values = [row[column] for row in warm]
-        step = values[-1] - values[0]
+    # A run that is shorter than a round counts as warm after its half.
+    warm = rows[ROUND:] or rows[len(rows) // 2 :]
+    for column, (unit, most) in enumerate(MAX_STEP.items()):
+        first, final = warm[0][column], warm[-1][column]
         check(
-            f"after the first round: {values[0]:.1f} {unit}, in the end {values[-1]:.1f}",
-            step <= MAX_STEP[unit],
+            f"after the first round {first:.1f} {unit}, in the end {final:.1f}",
+            final - first <= most,
         )
-        found = growth([(row[0], row[column]) for row in rows])
+        found = growth([row[column] for row in rows])
         if found is None:
-            print(f"        {unit}: too short to tell a leak, which takes four rounds of faults")
+            print(f"        {unit}: too short to tell a leak, which takes {4 * ROUND} faults")
         else:
             check(f"growth a round: {found:.2f} {unit}", found <= MAX_GROWTH[unit])
 
@@ -832,7 +828,7 @@ def soak(program, length, options, every, only):
         time.sleep(max(0, min(every - (time.monotonic() - minute), start + length - time.monotonic())))
         calm += rig.ages[calm_from:]
         memory, threads, files = rig.figures()
-        rows.append((name, memory, threads, files))
+        rows.append((memory, threads, files))
         print(
             f"        {time.monotonic() - start:6.0f} s {name}: again after {seconds(recovered)}, {len(rig.ages) - before} reports, "
             f"{memory:.1f} MB, {threads} threads, {files} files",
