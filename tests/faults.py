@@ -825,7 +825,9 @@ def soak(program, length, options, every, only):
                 runaway = max(runaway, at - earlier[-1])
         # Ages of the calm part of the minute, and of all of it.
         calm_from = len(rig.ages)
-        time.sleep(max(0, min(every - (time.monotonic() - minute), start + length - time.monotonic())))
+        time.sleep(
+            max(0, min(every - (time.monotonic() - minute), start + length - time.monotonic()))
+        )
         calm += rig.ages[calm_from:]
         memory, threads, files = rig.figures()
         rows.append((memory, threads, files))
