@@ -263,7 +263,7 @@ fn boxes_of_several_trackers_are_compared_in_pictures_and_on_a_sheet() {
     let pictures = compare(&drawn);
     let sheet = folder.join("sheet.png");
     let sheeted = compare(&sheet);
-    let destroyed = compare(&ours);
+    let destroyed = compare(&input);
 
     assert!(pictures.status.success(), "{}", stderr(&pictures));
     let said = stderr(&pictures);

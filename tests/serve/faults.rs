@@ -102,7 +102,7 @@ fn gimbal_rests_and_every_output_says_so_when_frames_stop() {
         503
     );
     let events = page.request(&page.get_text("/events"), |answer| {
-        contains(answer, b"stalled")
+        contains(answer, b"\"source\":\"stalled\"")
     });
     assert!(contains(&events, b"\"source\":\"stalled\""));
     serving.wait_for("source: stalled");

@@ -411,7 +411,8 @@ fn events(hub: &Hub, out: &mut dyn Write) -> std::io::Result<()> {
         // Without a new report the old one is repeated, with its age: silence must be seen.
         let view = hub.view_after(seen, PATIENCE);
         seen = view.number;
-        write!(out, "data: {}\n\n", view.to_json())?;
+        // One write, since the stream sends each part of a formatted text by itself.
+        out.write_all(format!("data: {}\n\n", view.to_json()).as_bytes())?;
         out.flush()?;
         std::thread::sleep(EVENTS);
     }
