@@ -308,19 +308,6 @@ fn senseless_options_are_refused() {
             2,
             "--minutes",
         ),
-        (
-            &[
-                "fit",
-                "--out",
-                &out,
-                "--data",
-                &data,
-                "--search-size",
-                "130",
-            ],
-            4,
-            "search_size",
-        ),
         (&["fit", "--out", &out, "--data", "none.csv"], 3, "none.csv"),
         (
             &["fit", "--out", &out, "--data", &empty],
@@ -366,6 +353,47 @@ fn senseless_options_are_refused() {
         );
         assert_eq!(output.status.code(), Some(code), "{args:?}: {stderr}");
         assert!(output.stdout.is_empty());
+    }
+}
+
+#[test]
+fn numbers_out_of_range_are_refused_by_the_options_name() {
+    let folder = pictures("ranges");
+    let (data, out) = (folder.at("boxes.csv"), folder.at("out"));
+    for (command, option, value, expected) in [
+        (
+            "fit",
+            "--search-size",
+            "130",
+            "--search-size is 130, expected",
+        ),
+        ("fit", "--early-size", "-1", "'-1' for '--early-size"),
+        (
+            "fit",
+            "--warmup-share",
+            "-0.5",
+            "--warmup-share is -0.5, expected 0 to 1",
+        ),
+        (
+            "fit",
+            "--floor-rate",
+            "-1",
+            "--floor-rate is -1, expected 0 to 10",
+        ),
+        ("fit", "--max-gap", "-7", "'-7' for '--max-gap"),
+        ("fit", "--max-gap", "0", "'0' for '--max-gap"),
+        ("show", "--search-size", "9", "'9' for '--search-size"),
+    ] {
+        let args = [command, "--data", &data, "--out", &out, option, value];
+
+        let output = train(&args).output().unwrap();
+
+        let stderr = text(&output.stderr);
+        assert!(
+            stderr.contains(expected),
+            "{option} {value} says {stderr:?}"
+        );
+        assert_eq!(output.status.code(), Some(2), "{option} {value}: {stderr}");
     }
 }
 
@@ -612,50 +640,6 @@ fn pruned_networks_are_trained_and_compared() {
             &["prune", &last, "--out", &pruned, "--ratio", "1"],
             2,
             "--ratio",
-        ),
-        (
-            &[
-                "fit",
-                "--data",
-                &data,
-                "--out",
-                &study,
-                "--search-size",
-                "99",
-            ],
-            2,
-            "--search-size is 99, expected",
-        ),
-        (
-            &[
-                "fit",
-                "--data",
-                &data,
-                "--out",
-                &study,
-                "--warmup-share",
-                "-0.5",
-            ],
-            2,
-            "--warmup-share is -0.5, expected 0 to 1",
-        ),
-        (
-            &["fit", "--data", &data, "--out", &study, "--max-gap", "-7"],
-            2,
-            "invalid value '-7' for '--max-gap <MAX_GAP>'",
-        ),
-        (
-            &[
-                "show",
-                "--data",
-                &data,
-                "--out",
-                &study,
-                "--search-size",
-                "9",
-            ],
-            2,
-            "invalid value '9' for '--search-size <SEARCH_SIZE>'",
         ),
         (
             &["prune", &weights, "--out", &pruned, "--ratio", "0.9"],
