@@ -361,24 +361,19 @@ fn numbers_out_of_range_are_refused_by_the_options_name() {
     let folder = pictures("ranges");
     let (data, out) = (folder.at("boxes.csv"), folder.at("out"));
     for (command, option, value, expected) in [
-        (
-            "fit",
-            "--search-size",
-            "130",
-            "--search-size is 130, expected",
-        ),
+        ("fit", "--search-size", "130", "--search-size: expected"),
         ("fit", "--early-size", "-1", "'-1' for '--early-size"),
         (
             "fit",
             "--warmup-share",
             "-0.5",
-            "--warmup-share is -0.5, expected 0 to 1",
+            "--warmup-share: expected 0 to 1, found -0.5",
         ),
         (
             "fit",
             "--floor-rate",
             "-1",
-            "--floor-rate is -1, expected 0 to 10",
+            "--floor-rate: expected 0 to 10, found -1",
         ),
         ("fit", "--max-gap", "-7", "'-7' for '--max-gap"),
         ("fit", "--max-gap", "0", "'0' for '--max-gap"),
