@@ -16,7 +16,7 @@ use std::thread::JoinHandle;
 pub(super) type Started<T> = (Child, ChildStdout, JoinHandle<Option<T>>);
 
 /// The command line of a program, such that it dies with this process where that is possible.
-pub(super) fn command(program: &OsStr) -> Command {
+pub fn bound_command(program: &OsStr) -> Command {
     static HAS_SETPRIV: OnceLock<bool> = OnceLock::new();
     let has_setpriv = || {
         cfg!(target_os = "linux")

@@ -18,7 +18,7 @@ const RTP_PROTOCOLS: &str = "file,data,udp,rtp,crypto";
 /// # Errors
 /// If the location names an RTP stream wrongly.
 pub(super) fn command(program: &OsStr, location: &OsStr, input: &Input) -> Result<Command, String> {
-    let mut command = child::command(program);
+    let mut command = child::bound_command(program);
     command.args(["-nostdin", "-hide_banner", "-loglevel", "error"]);
     let text = location.to_str().unwrap_or_default();
     let rtp = text

@@ -10,7 +10,7 @@ pub(super) const PROGRAM: &str = "gst-launch-1.0";
 
 /// The command line that runs the elements of a pipeline, separated by `!`, into our pipe.
 pub(super) fn command(program: &OsStr, pipeline: &str) -> Command {
-    let mut command = child::command(program);
+    let mut command = child::bound_command(program);
     command.arg("-q");
     // Words are split as a shell splits them without quotes; gst-launch joins them again.
     command.args(pipeline.split_whitespace());

@@ -44,6 +44,7 @@ use std::path::{Path, PathBuf};
 pub use crate::error::SourceError;
 use crate::frame::{ChannelOrder, Frame};
 pub use bad_frames::{BadFrame, BadFrames, OnBadFrame};
+pub use child::bound_command;
 pub use decode::Decoder;
 pub use files::is_passed_over;
 pub use pixels::{PixelFormat, RawFormat};

@@ -240,13 +240,6 @@ fn silent_stream_is_closed_and_opened_again() {
     assert!(left.is_empty(), "processes are left: {left:?}");
 }
 
-fn is_alive(pid: &str) -> bool {
-    let Ok(status) = std::fs::read_to_string(format!("/proc/{pid}/status")) else {
-        return false;
-    };
-    !status.contains("State:\tZ")
-}
-
 #[test]
 fn link_that_goes_down_comes_back() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

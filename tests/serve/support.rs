@@ -479,3 +479,11 @@ pub fn fake_ffmpeg(folder: &Folder, script: &str) -> String {
     let path = std::env::var("PATH").unwrap_or_default();
     format!("{}:{path}", bin.display())
 }
+
+/// Whether a process runs.
+pub fn is_alive(pid: &str) -> bool {
+    let Ok(status) = std::fs::read_to_string(format!("/proc/{pid}/status")) else {
+        return false;
+    };
+    !status.contains("State:\tZ")
+}

@@ -1,6 +1,5 @@
 //! The video with boxes burnt in.
 
-use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -62,15 +61,15 @@ fn film_holds_the_frames_with_their_boxes_and_keeps_an_earlier_one() {
 #[test]
 fn encoder_that_never_reads_holds_nothing_up_and_ends_with_the_program() {
     let folder = Folder::new("encoder");
-    let program = folder.file("ffmpeg");
-    std::fs::write(&program, "#!/bin/sh\nexec /bin/sleep 600\n").unwrap();
-    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    let pids = folder.file("pids");
+    let script = format!("echo $$ >> {pids}; exec sleep 600");
+    let path = fake_ffmpeg(&folder, &script);
     let page = Page::new();
     let mut command = Command::new(PROGRAM);
     command.arg("serve").args(SLOW_FLIGHT).args(page.options());
     command.args(["--video-out", "rtp://127.0.0.1:5999"]);
     command
-        .env("PATH", folder.path())
+        .env("PATH", path)
         .stdin(Stdio::null())
         .stdout(Stdio::null());
     let serving = Serving::spawn(command);
@@ -89,6 +88,9 @@ fn encoder_that_never_reads_holds_nothing_up_and_ends_with_the_program() {
     );
     assert!(number_before(&said, "dropped") > 5, "{said}");
     assert_eq!(serving.end_of_itself(), Some(0));
+    let pids = std::fs::read_to_string(&pids).unwrap();
+    let left: Vec<&str> = pids.lines().filter(|pid| is_alive(pid)).collect();
+    assert!(left.is_empty(), "{left:?} are left of {pids}");
 }
 
 #[test]

@@ -49,6 +49,8 @@ pub struct FilmOptions {
     pub args: Vec<String>,
     /// What draws.
     pub draw: Draw,
+    /// ffmpeg, without arguments.
+    pub ffmpeg: fn() -> Command,
 }
 
 /// Where the video goes.
@@ -246,7 +248,8 @@ impl Writer {
                 Err(RecvTimeoutError::Timeout) => continue,
                 Err(RecvTimeoutError::Disconnected) => break,
             };
-            if pipe.is_none() && !self.is_hopeless && Instant::now() >= self.retry {
+            let is_wanted = !self.is_hopeless && !self.shared.is_ending.load(Ordering::Relaxed);
+            if pipe.is_none() && is_wanted && Instant::now() >= self.retry {
                 pipe = self.start(job.picture.size());
             }
             if let Some(open) = &mut pipe {
@@ -300,7 +303,7 @@ impl Writer {
 
     fn command(&self, (width, height): (usize, usize)) -> Command {
         let rate = self.options.rate.to_string();
-        let mut command = Command::new("ffmpeg");
+        let mut command = (self.options.ffmpeg)();
         command.args(["-hide_banner", "-loglevel", "error", "-y"]);
         // Live frames come when they come: the clock stamps them, and the rate is kept behind it.
         command.args([
@@ -498,6 +501,7 @@ mod tests {
             rate: 30.0,
             args: Vec::new(),
             draw: slow,
+            ffmpeg: || Command::new("ffmpeg"),
         };
         let picture = Picture {
             data: vec![90; 64 * 48],
@@ -534,6 +538,7 @@ mod tests {
             rate: 30.0,
             args: Vec::new(),
             draw: plain,
+            ffmpeg: || Command::new("ffmpeg"),
         };
 
         Film::start(options, Arc::default()).unwrap().finish();

@@ -1,5 +1,6 @@
 //! The command lines of `serve` and `replay`: clap structs and the parsing of their values.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -10,7 +11,7 @@ use station::http::HttpOptions;
 use station::log::{self, LogOptions};
 use station::mavlink::{MavlinkOptions, VideoStreamEncoding};
 use station::{FrameBox, Limits, Options};
-use track_cpu::source::{PixelFormat, RawFormat};
+use track_cpu::source::{PixelFormat, RawFormat, bound_command};
 use track_cpu::{BBox, Model};
 
 use super::engine::burn_in;
@@ -150,6 +151,7 @@ impl VideoArgs {
                 .map(str::to_string)
                 .collect(),
             draw: burn_in,
+            ffmpeg: || bound_command(OsStr::new("ffmpeg")),
         })
     }
 
