@@ -428,6 +428,7 @@ fn is_passing(error: &Error) -> bool {
 mod tests {
     use super::*;
     use ::mavlink::dialects::common::HEARTBEAT_DATA;
+    use ::mavlink::{Message, calculate_crc};
 
     const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -554,5 +555,25 @@ mod tests {
             std::thread::sleep(Duration::from_millis(20));
         }
         assert!(outward.is_broken());
+    }
+
+    #[test]
+    fn message_outside_the_dialect_is_passed_over_whole() {
+        // ATTITUDE, number 30: zeros, but for a byte that would begin another message.
+        let mut attitude = vec![0xfd, 28, 0, 0, 0, 1, 1, 30, 0, 0];
+        attitude.extend([0; 28]);
+        attitude[20] = 0xfd;
+        let crc = calculate_crc(&attitude[1..], MavMessage::extra_crc(30));
+        attitude.extend(crc.to_le_bytes());
+        let telemetry = [attitude, heartbeat(1)].concat();
+        let mut reader = MavlinkReader::new(telemetry.as_slice());
+
+        let numbers = [(); 2].map(|()| {
+            let message = reader.read_any_raw_message::<MavMessage>();
+            message.unwrap().message_id()
+        });
+
+        assert_eq!(MavMessage::extra_crc(30), 39);
+        assert_eq!(numbers, [30, 0]);
     }
 }
