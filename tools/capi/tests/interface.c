@@ -94,6 +94,9 @@ static void bad_arguments_give_codes_and_write_nothing(void) {
     CHECK(track_cpu_update(tracker, &image, &box) == TRACK_CPU_TARGET);
     CHECK(box.x == 1 && box.y == 2 && box.w == 3 && box.h == 4);
     CHECK(track_cpu_update_flight(tracker, &image, 0, 0, &track) == TRACK_CPU_ARGUMENT);
+    const track_cpu_box shares = {0.25f, 0.375f, 0.2f, 0.25f};
+    CHECK(track_cpu_init(tracker, &image, &shares) == TRACK_CPU_TARGET);
+    CHECK(strstr(track_cpu_last_error(), "expected pixels, found shares of the frame"));
     image.stride = WIDTH * 3 - 1;
     CHECK(track_cpu_init(tracker, &image, &target) == TRACK_CPU_IMAGE);
     image.stride = 0;

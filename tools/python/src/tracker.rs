@@ -82,7 +82,7 @@ impl Tracker {
     /// `box` holds four numbers: left, top, width, height in pixels.
     ///
     /// Raises ValueError if the picture is none, or the box has a number that is not finite, no
-    /// area, or no pixel of the picture; the earlier target is then kept.
+    /// area, or no pixel of the picture, or is in shares of it; the earlier target is then kept.
     #[pyo3(signature = (image, r#box))]
     fn init(
         &self,

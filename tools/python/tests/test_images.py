@@ -216,6 +216,7 @@ def test_what_is_no_picture_is_refused(model, pictures, box, kind, image, words)
         ((1, 2, 0, 20), "a width and height above 0"),
         ((1, 2, 30, -20), "a width and height above 0"),
         ((5000, 2, 30, 20), "outside the 320x200 frame"),
+        ((0.3, 0.4, 0.1, 0.2), "expected pixels, found shares of the frame"),
         ((1, 2, 30), "box is .*expected four numbers: left, top, width, height in pixels"),
         ((1, 2, 30, 20, 5), "expected four numbers"),
         (None, "box is None, expected four numbers"),
