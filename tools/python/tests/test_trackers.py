@@ -35,7 +35,7 @@ def test_option_without_meaning_is_refused(kind, options, words):
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"fps": 0}, "fps is 0, expected a number from 1 to 1000"),
+        ({"fps": 0}, "fps is 0, expected a number from 0.1 to 1000"),
         ({"fps": float("nan")}, "fps is NaN, expected"),
         ({"present": 1.5}, "present is 1.5, expected 0 to 1"),
         ({"patience": -1}, "patience is -1, expected"),
