@@ -29,16 +29,22 @@ pub struct TrackConfig {
     /// 0 in the published tracker, which learns no filter and searches no wider region for a lost
     /// target.
     pub online_filter: f64,
+    /// Share of the change of the target's aspect since the first frame that the search region
+    /// takes back, in `[0, 1]`.
+    ///
+    /// 0 in the published tracker, whose search region is a square.
+    pub unstretch: f64,
 }
 
 impl TrackConfig {
     /// The same without what the published tracker lacks: correction, template update, online
-    /// filter.
+    /// filter, stretched search regions.
     pub fn as_published(self) -> TrackConfig {
         TrackConfig {
             correction: 0.0,
             template_update: 0.0,
             online_filter: 0.0,
+            unstretch: 0.0,
             ..self
         }
     }
@@ -55,6 +61,7 @@ impl From<&TrackerParams> for TrackConfig {
             correction: p.correction,
             template_update: p.template_update,
             online_filter: p.online_filter,
+            unstretch: p.unstretch,
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Crop and resize: `out[j, i] = bilinear(image, x0 + step i, y0 + step j)`, rounded to the nearest
-//! byte. Taps outside of the image are a constant border (`docs/method.md`, section 2.2).
+//! Crop and resize: `out[j, i] = bilinear(image, x0 + step_x i, y0 + step_y j)`, rounded to the
+//! nearest byte. Taps outside of the image are a constant border (`docs/method.md`, section 2.2).
 //!
 //! Shapes: `u8 [h, w, 1..=4]` with a stride `-> u8 [D, D, 3]`. Cost: per output row one pass that
 //! blends two source rows into one, and `3 D` samples of two taps from it. A column's source
@@ -32,8 +32,10 @@ pub struct Grid {
     pub x0: f64,
     /// Source row of output row 0.
     pub y0: f64,
-    /// Source pixels from one output pixel to the next.
-    pub step: f64,
+    /// Source columns from one output column to the next.
+    pub step_x: f64,
+    /// Source rows from one output row to the next.
+    pub step_y: f64,
     /// Side of the output.
     pub side: usize,
 }
@@ -94,7 +96,7 @@ pub fn resample(
     );
     let Scratch { columns, blended } = scratch;
     columns.clear();
-    columns.extend((0..grid.side).map(|i| Tap::new(grid.x0 + grid.step * i as f64)));
+    columns.extend((0..grid.side).map(|i| Tap::new(grid.x0 + grid.step_x * i as f64)));
     let row_len = w * image.bytes_per_pixel + SLACK + 4 * grid.side;
     blended.resize(blended.len().max(row_len * threads.count()), 0.0);
     let columns = &columns[..];
@@ -155,7 +157,7 @@ impl Kernel for Rows<'_> {
         let read = read.start * image.bytes_per_pixel..read.end * image.bytes_per_pixel;
         let mut prefetched = 0; // source rows
         for (j, out) in out.chunks_exact_mut(grid.side * 3).enumerate() {
-            let tap = |j: usize| Tap::new(grid.y0 + grid.step * (first_row + j) as f64);
+            let tap = |j: usize| Tap::new(grid.y0 + grid.step_y * (first_row + j) as f64);
             // Prefetch the source rows of a later output row, each of them once.
             let [top, bottom] = tap(j + AHEAD)
                 .indices(h)
@@ -331,37 +333,43 @@ mod tests {
                 Grid {
                     x0: 2.25,
                     y0: 1.5,
-                    step: 0.31,
+                    step_x: 0.31,
+                    step_y: 0.31,
                     side: 17,
                 },
                 Grid {
                     x0: -7.3,
                     y0: -4.9,
-                    step: 1.9,
+                    step_x: 1.9,
+                    step_y: 0.7,
                     side: 23,
                 },
                 Grid {
                     x0: -100.0,
                     y0: 3.0,
-                    step: 1.0,
+                    step_x: 1.0,
+                    step_y: 1.0,
                     side: 9,
                 },
                 Grid {
                     x0: 4.0,
                     y0: 500.0,
-                    step: 2.5,
+                    step_x: 2.5,
+                    step_y: 2.5,
                     side: 9,
                 },
                 Grid {
                     x0: -1.0,
                     y0: -1.0,
-                    step: 1.0,
+                    step_x: 1.0,
+                    step_y: 1.0,
                     side: 12,
                 },
                 Grid {
                     x0: -1e12,
                     y0: 1e12,
-                    step: 1e9,
+                    step_x: 1e9,
+                    step_y: 1e9,
                     side: 5,
                 },
             ] {
@@ -377,8 +385,8 @@ mod tests {
                     });
                     for (i, value) in out.iter().enumerate() {
                         let (pixel, channel) = (i / 3, i % 3);
-                        let x = grid.x0 + grid.step * (pixel % grid.side) as f64;
-                        let y = grid.y0 + grid.step * (pixel / grid.side) as f64;
+                        let x = grid.x0 + grid.step_x * (pixel % grid.side) as f64;
+                        let y = grid.y0 + grid.step_y * (pixel / grid.side) as f64;
                         let expected =
                             reference::sample(&image, offsets[channel], x, y, border[channel]);
                         let error = (f64::from(*value) - expected).abs();

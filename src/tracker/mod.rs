@@ -156,9 +156,10 @@ impl SizeChange {
 #[derive(Clone, Copy, Debug)]
 struct Target {
     bbox: FrameBox,
-    frame: FrameSize, // of the last frame, whose pixels `bbox` and `first_side` are in
-    first_side: f32,  // the shorter side of the first box
-    border: [u8; 3],  // mean color of the first frame, BGR
+    frame: FrameSize,  // of the last frame, in whose pixels the boxes are
+    first_side: f32,   // the shorter side of the first box
+    first_aspect: f32, // width over height of the first box
+    border: [u8; 3],   // mean color of the first frame, BGR
     correction: Correction,
 }
 
@@ -170,6 +171,12 @@ impl Target {
     fn min_size(&self, config: &TrackConfig) -> f32 {
         let half = (self.first_side / 2.0).max(LEAST_SIDE);
         config.min_size.min(half)
+    }
+
+    /// Stretch of the search region; see [`crop::stretch`].
+    fn stretch(&self, config: &TrackConfig) -> f64 {
+        let aspect = f64::from(self.bbox.w) / f64::from(self.bbox.h);
+        crop::stretch(aspect / f64::from(self.first_aspect), config.unstretch)
     }
 }
 
@@ -220,6 +227,7 @@ impl Tracker {
             bbox: bbox.center(),
             frame: frame.size(),
             first_side: bbox.w.min(bbox.h),
+            first_aspect: bbox.w / bbox.h,
             border: frame.mean_bgr(),
             correction: Correction::NONE,
         };
@@ -282,6 +290,7 @@ impl Tracker {
         if change.from != change.to {
             target.bbox = change.rescale(&target.bbox);
             target.first_side *= change.x().min(change.y());
+            target.first_aspect *= change.x() / change.y();
             target.frame = change.to;
             self.seen = None;
             self.size_change = Some(change);
@@ -513,15 +522,18 @@ impl Tracker {
         let bbox = &target.bbox;
         let template_size = self.network.model().architecture().template_size;
         let context = self.config.context_amount;
-        let scale = crop::scale(bbox.w.into(), bbox.h.into(), context, template_size);
-        let region = Region::around(bbox, scale, side);
+        let stretch = target.stretch(&self.config);
+        let w = f64::from(bbox.w) / stretch;
+        let h = f64::from(bbox.h) * stretch;
+        let scale = crop::scale(w, h, context, template_size);
+        let region = Region::around(bbox, scale, stretch, side);
         self.crop.resize(side * side * 3, 0);
         let isa = self.network.model().isa();
         let threads = self.network.threads();
         let cropper = &mut self.cropper;
         let out = &mut self.crop;
         threads.enter(|| cropper.cut(isa, threads, frame, &region, target.border, out));
-        Placement::new(bbox, scale, side)
+        Placement::new(bbox, scale, stretch, side)
     }
 
     /// Time per stage of the last [`update`](Self::update), over all of its searches.

@@ -278,13 +278,12 @@ impl Selector {
     ) -> FrameBox {
         let size_lr = choice.penalty * choice.score * config.size_lr;
         let size = |previous: f32, new: f32| {
-            (f64::from(previous) * (1.0 - size_lr) + placement.length_in_frame(new) * size_lr)
-                as f32
+            (f64::from(previous) * (1.0 - size_lr) + f64::from(new) * size_lr) as f32
         };
         let found = placement.to_frame(&choice.bbox);
         FrameBox {
-            w: size(target.w, choice.bbox.w),
-            h: size(target.h, choice.bbox.h),
+            w: size(target.w, found.w),
+            h: size(target.h, found.h),
             ..found
         }
     }
@@ -354,7 +353,7 @@ mod tests {
             w: 40.0,
             h: 80.0,
         };
-        let placement = Placement::new(&target, scale, 303);
+        let placement = Placement::new(&target, scale, 1.0, 303);
 
         let penalty = penalty(size(50.0, 80.0), previous, config.penalty_k);
         let choice = selector

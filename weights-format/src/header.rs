@@ -151,6 +151,9 @@ pub struct TrackerParams {
     /// Share of the online filter's response in the score; 0 if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub online_filter: f64,
+    /// Share of the target's change of aspect that the search region takes back; 0 if absent.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unstretch: f64,
 }
 
 fn is_zero(share: &f64) -> bool {
@@ -168,6 +171,7 @@ impl Default for TrackerParams {
             correction: 0.0,
             template_update: 0.0,
             online_filter: 0.0,
+            unstretch: 0.0,
         }
     }
 }
@@ -349,6 +353,7 @@ impl Header {
             0.0..=1.0,
         )?;
         within("tracker.online_filter", tracker.online_filter, 0.0..=1.0)?;
+        within("tracker.unstretch", tracker.unstretch, 0.0..=1.0)?;
         if let Some(calibration) = &self.calibration {
             self.check_calibration(calibration)?;
         }

@@ -328,6 +328,11 @@ fn invalid_metadata_is_refused_by_field() {
             "`tracker.online_filter`",
         ),
         (
+            "unstretch",
+            metadata(|m| m["tracker"]["unstretch"] = json!(1.5)),
+            "`tracker.unstretch`",
+        ),
+        (
             "penalty",
             metadata(|m| m["tracker"]["penalty_k"] = json!(1e9)),
             "`tracker.penalty_k`",

@@ -128,7 +128,7 @@ fn about(header: &Header) -> String {
         "tracker",
         format!(
             "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, \
-             correction {}, template_update {}, online_filter {}",
+             correction {}, template_update {}, online_filter {}, unstretch {}",
             t.context_amount,
             t.size_lr,
             t.window_influence,
@@ -136,7 +136,8 @@ fn about(header: &Header) -> String {
             t.min_size,
             t.correction,
             t.template_update,
-            t.online_filter
+            t.online_filter,
+            t.unstretch
         ),
     );
     add(
@@ -192,6 +193,7 @@ fn as_json(header: &Header) -> Value {
             "correction": t.correction,
             "template_update": t.template_update,
             "online_filter": t.online_filter,
+            "unstretch": t.unstretch,
         },
         "parameters": a.parameters(),
         "macs_template": a.macs_template(),

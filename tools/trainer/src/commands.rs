@@ -272,13 +272,14 @@ pub fn quantize(args: args::Measure) -> Result<(), Error> {
 
 /// Constants that are tuned on sequences, in this order: name and setter.
 type Share = (&'static str, fn(&mut TrackerParams, f64));
-const WHILE_TRACKING: [Share; 2] = [
+const WHILE_TRACKING: [Share; 3] = [
     ("template update", |tracker, share| {
         tracker.template_update = share
     }),
     ("online filter", |tracker, share| {
         tracker.online_filter = share
     }),
+    ("unstretch", |tracker, share| tracker.unstretch = share),
 ];
 
 /// `tune`.

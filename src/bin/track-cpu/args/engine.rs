@@ -48,8 +48,12 @@ pub struct EngineArgs {
     /// [default: int8 if the model allows it and the processor multiplies integers faster].
     #[arg(long, value_name = "NAME", value_parser = precision)]
     pub precision: Option<Precision>,
-    /// Track as published: without first-frame correction, template update and online filter.
-    #[arg(long, conflicts_with_all = ["correction", "template_update", "online_filter"])]
+    /// Track as published: without first-frame correction, template update, online filter and
+    /// stretched search regions.
+    #[arg(
+        long,
+        conflicts_with_all = ["correction", "template_update", "online_filter", "unstretch"]
+    )]
     pub as_published: bool,
     /// Share of the network's error in the first frame that is taken out of later boxes, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = share, hide = true)]
@@ -60,6 +64,9 @@ pub struct EngineArgs {
     /// Share of the filter that is learned while tracking in the score, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = share, hide = true)]
     pub online_filter: Option<f64>,
+    /// Share of the target's change of aspect that the search region takes back, 0 to 1.
+    #[arg(long, value_name = "SHARE", value_parser = share, hide = true)]
+    pub unstretch: Option<f64>,
     /// How much of the search region is looked at.
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Search::Full)]
     pub search: Search,
@@ -96,16 +103,23 @@ impl EngineArgs {
             .precision
             .unwrap_or_else(|| Precision::best(weights, self.isa()));
         let published = self.as_published.then_some(0.0);
-        let shares = [self.correction, self.template_update, self.online_filter];
-        let [correction, template_update, online_filter] = shares.map(|share| share.or(published));
-        if (correction, template_update, online_filter) == (None, None, None) {
+        let shares = [
+            self.correction,
+            self.template_update,
+            self.online_filter,
+            self.unstretch,
+        ];
+        let shares = shares.map(|share| share.or(published));
+        if shares == [None; 4] {
             return Model::with_precision(weights, self.isa(), precision);
         }
         let mut weights = weights.clone();
         let tracker = &mut weights.header.tracker;
+        let [correction, template_update, online_filter, unstretch] = shares;
         tracker.correction = correction.unwrap_or(tracker.correction);
         tracker.template_update = template_update.unwrap_or(tracker.template_update);
         tracker.online_filter = online_filter.unwrap_or(tracker.online_filter);
+        tracker.unstretch = unstretch.unwrap_or(tracker.unstretch);
         Model::with_precision(&weights, self.isa(), precision)
     }
 

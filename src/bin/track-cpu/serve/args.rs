@@ -271,6 +271,7 @@ impl ServeArgs {
             "correction": model.config().correction,
             "template_update": model.config().template_update,
             "online_filter": model.config().online_filter,
+            "unstretch": model.config().unstretch,
             "mode": self.mode.name(),
             "thresholds": self.threshold,
         });

@@ -83,7 +83,9 @@ fn engine(args: &ReplayArgs, log: &Reader) -> Result<TrackerEngine, Failure> {
         as_published: false,
         correction: head["correction"].as_f64(),
         template_update: head["template_update"].as_f64(),
-        online_filter: Some(head["online_filter"].as_f64().unwrap_or(0.0)), // older logs had none
+        // Older logs have neither.
+        online_filter: Some(head["online_filter"].as_f64().unwrap_or(0.0)),
+        unstretch: Some(head["unstretch"].as_f64().unwrap_or(0.0)),
         search: Search::Full,
     };
     // Older logs have no thresholds of their own.

@@ -68,6 +68,10 @@ pub struct Augment {
     /// Reach of that shear, in pixels to the side per pixel down.
     #[serde(default)]
     pub shear: f32,
+    /// Probability that the search crop takes back the change of the target's aspect since the
+    /// template, as the tracker does; the random stretch comes on top.
+    #[serde(default)]
+    pub unstretched: f32,
     /// Largest share of a side that angle and shear may add to the other side of a box; 0 for no
     /// bound.
     #[serde(default)]
@@ -121,6 +125,7 @@ impl Augment {
             stretched: 0.0,
             stretch: 0.0,
             shear: 0.0,
+            unstretched: 0.0,
             slant: 0.0,
             bend: 0.0,
             overlap: 0.0,
@@ -201,6 +206,7 @@ impl Augment {
             stretched: 0.4,
             stretch: 0.3,
             shear: 0.12,
+            unstretched: 0.8,
             slant: 0.2,
             bend: 0.5,
             overlap: 0.3,

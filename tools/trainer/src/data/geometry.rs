@@ -6,7 +6,7 @@ use super::warp::{Grid, warp};
 use crate::rng::Rng;
 use std::sync::Arc;
 use track_cpu::BBox;
-use track_cpu::crop::{Region, scale};
+use track_cpu::crop::{Region, scale, stretch};
 
 /// A target in a picture.
 #[derive(Clone, Debug)]
@@ -34,6 +34,20 @@ pub struct Pose {
     pub quarters: u8,
     /// Whether left and right are exchanged.
     pub mirrored: bool,
+}
+
+/// How a search crop is cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cut {
+    /// Orientation, as that of the template crop.
+    pub pose: Pose,
+    /// Side of the crop in pixels.
+    pub size: usize,
+    /// Whether the frame is paired with itself; it is then turned and stretched more.
+    pub still: bool,
+    /// Change of the target's aspect since the template that the crop takes back, as the tracker
+    /// does; 1 for none.
+    pub change: f64,
 }
 
 /// Random change of a search crop, in crop pixels and factors.
@@ -79,9 +93,9 @@ impl Pose {
 pub fn template(view: &View, pose: Pose) -> Vec<u8> {
     let BBox { w, h, .. } = view.bbox;
     let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE);
-    let region = Region::around(&view.bbox.center(), scale, TEMPLATE_SIZE);
+    let region = Region::around(&view.bbox.center(), scale, 1.0, TEMPLATE_SIZE);
     let crop_scale = (TEMPLATE_SIZE - 1) as f64 / (region.side - 1.0);
-    cut(
+    sample(
         view,
         &pose.matrix(crop_scale, &STILL),
         [0.0; 2],
@@ -89,25 +103,33 @@ pub fn template(view: &View, pose: Pose) -> Vec<u8> {
     )
 }
 
-/// A search crop of `size` pixels, `[size, size, 3]` BGR, and the target's corners in it.
+/// A search crop, `[size, size, 3]` BGR, and the target's corners in it.
 ///
-/// Scale, place, angle, aspect and shear are random within the reach of `augment`. A `still`, a
-/// frame paired with itself, is turned and stretched more. If no random change keeps the whole box
-/// in the crop, nothing is changed. Pixels outside the picture are filled from `beside`, the
-/// surroundings of another target, or else with the border color of the picture.
+/// Scale, place, angle, aspect and shear are random within the reach of `augment`. If no random
+/// change keeps the whole box in the crop, nothing is changed. Pixels outside the picture are
+/// filled from `beside`, the surroundings of another target, or else with the border color of the
+/// picture.
 pub fn search(
     view: &View,
     beside: Option<&View>,
-    pose: Pose,
-    size: usize,
-    still: bool,
+    cut: Cut,
     augment: &Augment,
     rng: &mut Rng,
 ) -> (Vec<u8>, Corners) {
-    let BBox { w, h, .. } = view.bbox;
-    let scale = scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE);
+    let Cut { pose, size, .. } = cut;
+    let stretch = stretch(cut.change, 1.0);
+    let w = f64::from(view.bbox.w) / stretch;
+    let h = f64::from(view.bbox.h) * stretch;
+    let scale = scale(w, h, CONTEXT, TEMPLATE_SIZE);
+    // The crop's width lies along the picture's height after one or three quarter turns.
+    let aspect = if pose.quarters.is_multiple_of(2) {
+        1.0 / stretch
+    } else {
+        stretch
+    };
     for _ in 0..50 {
-        let mut jitter = jitter(size, still, augment, rng);
+        let mut jitter = jitter(size, cut.still, augment, rng);
+        jitter.aspect *= aspect;
         if augment.slant > 0.0 {
             jitter = straighten(jitter, &view.bbox, pose, f64::from(augment.slant));
         }
@@ -125,9 +147,10 @@ pub fn search(
             return (crop, corners);
         }
     }
-    let matrix = pose.matrix(scale, &STILL);
+    let unchanged = Jitter { aspect, ..STILL };
+    let matrix = pose.matrix(scale, &unchanged);
     (
-        cut(view, &matrix, [0.0; 2], size),
+        sample(view, &matrix, [0.0; 2], size),
         corners(&view.bbox, &matrix, [0.0; 2], size),
     )
 }
@@ -139,7 +162,7 @@ fn surroundings(view: &View, pose: Pose, size: usize, rng: &mut Rng) -> Vec<u8> 
         scale(f64::from(w), f64::from(h), CONTEXT, TEMPLATE_SIZE) * f64::from(rng.factor(0.3));
     let reach = size as f32 / 2.0;
     let shift = [rng.range(-reach, reach), rng.range(-reach, reach)].map(f64::from);
-    cut(view, &pose.matrix(scale, &STILL), shift, size)
+    sample(view, &pose.matrix(scale, &STILL), shift, size)
 }
 
 /// Replaces the pixels outside the picture, if there are any.
@@ -211,7 +234,7 @@ fn straighten(mut jitter: Jitter, bbox: &BBox, pose: Pose, most: f64) -> Jitter 
 }
 
 /// Samples the crop whose pixel `center + shift` is the box's center.
-fn cut(view: &View, matrix: &Matrix, shift: [f64; 2], side: usize) -> Vec<u8> {
+fn sample(view: &View, matrix: &Matrix, shift: [f64; 2], side: usize) -> Vec<u8> {
     warp(&view.picture, &grid(&view.bbox, matrix, shift, side))
 }
 
@@ -280,6 +303,16 @@ mod tests {
         }
     }
 
+    /// A crop of a pair of frames, with nothing taken back.
+    fn cut(pose: Pose, size: usize) -> Cut {
+        Cut {
+            pose,
+            size,
+            still: false,
+            change: 1.0,
+        }
+    }
+
     /// Tight box of what is brighter than half.
     fn bright(crop: &[u8], side: usize) -> Corners {
         let mut found = [f32::MAX, f32::MAX, f32::MIN, f32::MIN];
@@ -301,7 +334,7 @@ mod tests {
     fn upright_template_equals_the_trackers() {
         let view = view(BBox::new(60.0, 50.0, 37.0, 21.0));
         let scale = scale(37.0, 21.0, 0.5, 127);
-        let region = Region::around(&view.bbox.center(), scale, 127);
+        let region = Region::around(&view.bbox.center(), scale, 1.0, 127);
         let mut expected = vec![0; 127 * 127 * 3];
         let picture = &view.picture;
         Cropper::default().cut(
@@ -337,8 +370,11 @@ mod tests {
                     ] {
                         let pose = Pose { quarters, mirrored };
                         let view = view(bbox);
-                        let (crop, corners) =
-                            search(&view, None, pose, size, true, &augment, &mut rng);
+                        let cut = Cut {
+                            still: true,
+                            ..cut(pose, size)
+                        };
+                        let (crop, corners) = search(&view, None, cut, &augment, &mut rng);
                         for (found, expected) in bright(&crop, size).iter().zip(corners) {
                             let error = (found - expected).abs();
                             assert!(
@@ -383,13 +419,15 @@ mod tests {
                 quarters: (i % 4) as u8,
                 mirrored: i % 2 == 0,
             };
-            let still = i % 5 == 0;
+            let cut = Cut {
+                still: i % 5 == 0,
+                ..cut(pose, 303)
+            };
 
             // The same random numbers for both, and so the same change.
             let mut again = rng.clone();
-            let (round, corners) =
-                search(&ellipse(bbox), None, pose, 303, still, &augment, &mut again);
-            let (full, same) = search(&view(bbox), None, pose, 303, still, &augment, &mut rng);
+            let (round, corners) = search(&ellipse(bbox), None, cut, &augment, &mut again);
+            let (full, same) = search(&view(bbox), None, cut, &augment, &mut rng);
 
             assert_eq!(corners, same);
             let extent = [corners[2] - corners[0] + 1.0, corners[3] - corners[1] + 1.0];
@@ -449,22 +487,46 @@ mod tests {
             };
             let z = center(&template(&view, pose), 127);
             let x = center(
-                &search(
-                    &view,
-                    None,
-                    pose,
-                    303,
-                    false,
-                    &quiet,
-                    &mut Rng::new(0, 0, 0),
-                )
-                .0,
+                &search(&view, None, cut(pose, 303), &quiet, &mut Rng::new(0, 0, 0)).0,
                 303,
             );
             assert!(
                 (z[0] - x[0]).abs() < 2.0 && (z[1] - x[1]).abs() < 2.0,
                 "{pose:?}: {z:?} {x:?}"
             );
+        }
+    }
+
+    #[test]
+    fn target_whose_change_is_taken_back_has_the_templates_aspect_in_every_pose() {
+        // The target was square in the template's frame.
+        let bbox = BBox::new(60.0, 50.0, 48.0, 27.0);
+        let augment = Augment {
+            scale: 0.0,
+            ..Augment::none()
+        };
+        for quarters in 0..4 {
+            let pose = Pose {
+                quarters,
+                mirrored: quarters == 1,
+            };
+            let cut = Cut {
+                change: 48.0 / 27.0,
+                ..cut(pose, 303)
+            };
+
+            let (crop, corners) = search(&view(bbox), None, cut, &augment, &mut Rng::new(5, 5, 5));
+
+            let extent = [corners[2] - corners[0] + 1.0, corners[3] - corners[1] + 1.0];
+            assert!((extent[0] - extent[1]).abs() < 0.01, "{pose:?}: {extent:?}");
+            let square = f64::from(extent[0]) - 36.0 * scale(36.0, 36.0, CONTEXT, TEMPLATE_SIZE);
+            assert!(square.abs() < 0.01, "{pose:?}: {extent:?}");
+            for (found, expected) in bright(&crop, 303).iter().zip(corners) {
+                assert!(
+                    (found - expected).abs() < 2.5,
+                    "{pose:?}: {found}, expected {expected}"
+                );
+            }
         }
     }
 
@@ -481,15 +543,11 @@ mod tests {
                 quarters: i as u8 % 4,
                 mirrored: i % 3 == 0,
             };
-            let (crop, corners) = search(
-                &view,
-                Some(&other),
-                pose,
-                303,
-                true,
-                &Augment::strong(),
-                &mut rng,
-            );
+            let cut = Cut {
+                still: true,
+                ..cut(pose, 303)
+            };
+            let (crop, corners) = search(&view, Some(&other), cut, &Augment::strong(), &mut rng);
             let dark = crop.iter().filter(|v| **v == 30).count();
             assert!(
                 dark > crop.len() / 8 && crop.iter().all(|v| [30, 90].contains(v)),
@@ -507,15 +565,8 @@ mod tests {
         let side = f64::from(37.0f32) * scale(37.0, 37.0, 0.5, 127);
         let (mut sizes, mut places) = (Vec::new(), Vec::new());
         for _ in 0..300 {
-            let (_, [x0, y0, x1, y1]) = search(
-                &view,
-                None,
-                Pose::default(),
-                303,
-                false,
-                &Augment::none(),
-                &mut rng,
-            );
+            let cut = cut(Pose::default(), 303);
+            let (_, [x0, y0, x1, y1]) = search(&view, None, cut, &Augment::none(), &mut rng);
             sizes.push(f64::from(x1 - x0 + 1.0) / side);
             places.extend([
                 f64::from(x0 + x1) / 2.0 - 151.0,

@@ -39,7 +39,7 @@ use crate::rng::Rng;
 use augment::Augment;
 use cutout::{Cutout, textured_box};
 use flights::Flights;
-use geometry::{Corners, Pose, View};
+use geometry::{Corners, Cut, Pose, View};
 use pairs::PairRules;
 use paste::Crowd;
 use picture::{Album, Picture, PictureId};
@@ -232,15 +232,20 @@ impl Dataset {
         };
         let template = geometry::template(other.as_ref().unwrap_or(&pair.first), pose);
         let again = geometry::template(&pair.second, pose);
-        let (search, corners) = geometry::search(
-            &pair.second,
-            beside.as_ref(),
+        let aspect = |view: &View| f64::from(view.bbox.w) / f64::from(view.bbox.h);
+        let change = if rng.sometimes(augment.unstretched) {
+            aspect(&pair.second) / aspect(&pair.first)
+        } else {
+            1.0
+        };
+        let cut = Cut {
             pose,
-            search_size,
-            pair.still,
-            augment,
-            &mut rng,
-        );
+            size: search_size,
+            still: pair.still,
+            change,
+        };
+        let (search, corners) =
+            geometry::search(&pair.second, beside.as_ref(), cut, augment, &mut rng);
         let crops = [template, search, again];
         let [template, search, again] = photo::develop(crops, pair.still, augment, &mut rng);
         Sample {

@@ -195,7 +195,12 @@ mod tests {
             (-90.0, 20.0, 9.0, 9.0, 127),
         ] {
             let target = FrameBox { cx, cy, w, h };
-            let region = Region::around(&target, scale(f64::from(w), f64::from(h), 0.5, 127), side);
+            let region = Region::around(
+                &target,
+                scale(f64::from(w), f64::from(h), 0.5, 127),
+                1.0,
+                side,
+            );
             let mut expected = vec![0; side * side * 3];
             Cropper::default().cut(
                 Isa::detect(),
