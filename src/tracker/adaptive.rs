@@ -3,7 +3,7 @@
 //! After a few calm frames in a row only the inner part of the search region is searched. A frame
 //! that turns out not to be calm is searched again in full.
 //!
-//! Source: docs/method.md, section 5.5.
+//! Source: docs/method.md, section 5.6.
 
 use super::select::Choice;
 use weights_format::Architecture;

@@ -1,6 +1,6 @@
 //! The context-padded square crop around a target: geometry and sampling.
 //!
-//! Source: docs/method.md, sections 2.2 and 5.6.
+//! Source: docs/method.md, sections 2.2 and 5.4.
 
 use crate::bbox::{CropBox, FrameBox};
 use crate::frame::Frame;
