@@ -32,8 +32,7 @@ const LEAST_CONTRAST: f32 = 4.0;
 const OUTLIER: f64 = 24.0;
 /// Distance of two shifts, in cells, within which they lead to the same motion.
 const ALIKE: f64 = 2.0;
-/// Factor of the mean difference by which a motion unlike the one before must explain the picture
-/// better.
+/// Share of the steadier motion's mean difference that another motion must stay below to win.
 const SURPRISE: f64 = 0.8;
 /// Share of the mean difference that a motion must explain, per cell of it: a large motion needs
 /// more support. Water, sky and a single texture give none.
@@ -208,8 +207,8 @@ struct Fit {
 }
 
 impl CameraMotion {
-    /// The motion since the frame before, of the surroundings of a box of that earlier frame above
-    /// all but `without` the box; no motion if the frame before had another size, or if no motion
+    /// The motion since the last frame, judged mostly by the surroundings of the box `without` in
+    /// that frame; the box itself is left out. No motion if the frame's size changed, or if none
     /// has support.
     pub(crate) fn observe(&mut self, frame: &Frame<'_>, without: Option<&FrameBox>) -> Motion {
         std::mem::swap(&mut self.before, &mut self.now);

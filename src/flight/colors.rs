@@ -1,4 +1,4 @@
-//! The target's colors: where a frame has them, and how far a finding has them.
+//! The target's colors: where a frame shows them, and how well a finding matches them.
 //!
 //! A color is red's and blue's share of the light, which stay alike in sun and shade, and
 //! brightness, in few levels. There are two histograms: of the target's colors and of the whole
@@ -106,8 +106,8 @@ impl Colors {
         }
     }
 
-    /// How far a box has the target's colors, in `[0, 1]`: 1 if as far as the target itself does
-    /// from one frame to the next; 0 before anything was learned.
+    /// How well a box matches the target's colors, in `[0, 1]`: 1 is the target's own match from
+    /// frame to frame; 0 before anything was learned.
     pub(super) fn likeness(&mut self, frame: &Frame<'_>, bbox: &FrameBox) -> f64 {
         (self.coefficient(frame, bbox) / self.usual.max(0.1)).min(1.0)
     }

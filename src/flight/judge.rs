@@ -12,8 +12,7 @@ use crate::bbox::FrameBox;
 use crate::frame::Frame;
 use crate::tracker::Tracker;
 
-/// Log-odds against a finding that a known rival claims: most of what is known to be a rival is
-/// one.
+/// Log-odds against a finding that a known rival claims: known rivals are seldom the target.
 const CLAIMED: f64 = 3.0;
 /// Log-odds of whatever a picture that shows nothing seems to show.
 const NOTHING: f64 = -8.0;
@@ -125,7 +124,7 @@ impl Judge {
         appearance + target.motion.log_ratio(&finding.bbox) - claimed
     }
 
-    /// Whether a box is rather on a known rival than on the target.
+    /// Whether a box is likelier on a known rival than on the target.
     pub(super) fn is_claimed(&self, bbox: &FrameBox, target: &Target) -> bool {
         self.rivals.claim(bbox, target.away(bbox))
     }

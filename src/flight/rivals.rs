@@ -124,7 +124,7 @@ impl Rivals {
         });
     }
 
-    /// Whether a box is rather on a known rival than on the target, which would be `away` sides
+    /// Whether a box is likelier on a known rival than on the target, which would be `away` sides
     /// from where it should be.
     pub(super) fn claim(&self, bbox: &FrameBox, away: f64) -> bool {
         let known = self.known.iter().filter(|rival| rival.seen >= KNOWN);

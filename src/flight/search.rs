@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 const ELSEWHERE: Extent = Extent::Wide;
 /// Work of such a look, in full ones.
 const ELSEWHERE_WORK: f64 = 1.7;
-/// Share of the side that a look covers by which looks are stepped in a sweep.
+/// Step of a sweep, as a share of the side that a look covers.
 const TILE_SHARE: f64 = 0.9;
 /// Seconds of coasting during which a surely similar object far away is another object.
 const SOON: f64 = 0.33;
@@ -37,7 +37,7 @@ const VISITED: f32 = 0.8;
 const REMEMBERED: f64 = 0.5;
 /// Most visited places that are remembered.
 const MOST_VISITED: usize = 128;
-/// Most that a side of the target grows or shrinks by while it is not seen.
+/// Largest factor by which a side of the target grows or shrinks while it is not seen.
 const MOST_RESIZED: f32 = 2.0;
 /// Looks after which a doubtful place that stays the best is accepted.
 const PATIENT: u32 = 10;
@@ -414,8 +414,8 @@ impl Search {
         })
     }
 
-    /// Makes the best lead the tentative place, unless there is one already; a doubtful place steps
-    /// back for a lead that is believed. Returns whether there is a tentative place.
+    /// Makes the best lead the tentative place if there is none, or if the present one is doubtful
+    /// and the lead is believed. Returns whether there is a tentative place.
     fn take_lead(&mut self, needed: u32) -> bool {
         let is_believed = self.leads.last().is_some_and(|lead| lead.log_odds >= 0.0);
         let is_free = self
@@ -484,7 +484,7 @@ fn suspect(means: &mut Means<'_>, finding: &Finding) {
     }
 }
 
-/// A found box, of a size that the target can have come to since it was last seen.
+/// A found box, its size clamped to what the target can have reached since it was last seen.
 pub(super) fn resized(found: &FrameBox, last: &FrameBox) -> FrameBox {
     let side = |found: f32, last: f32| found.clamp(last / MOST_RESIZED, last * MOST_RESIZED);
     FrameBox {

@@ -483,7 +483,7 @@ impl Tracker {
         seen
     }
 
-    /// Moves the target to another box without a search, as a caller does who knows the camera's
+    /// Moves the target to another box without a search, for a caller that knows the camera's
     /// motion. A no-op without a target.
     pub fn place(&mut self, bbox: FrameBox) {
         if let Some(target) = &mut self.target {

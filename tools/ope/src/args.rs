@@ -32,13 +32,13 @@ Examples:
   ope run --dataset uavdt --root UAVDT --out results --tracker 'python3 kcf.py {frames} {init}'
   ope run --dataset uav123 --root UAV123 --out results --tracker 'trax:python3 nano.py'
   ope step --dataset folder --root my_videos
-  ope score --dataset dtb70 --root DTB70 --results results/DTB70/drmim-p50
+  ope score --dataset dtb70 --root DTB70 --results results/DTB70/track-cpu
   ope score --annotations DTB70/anno --results results/DTB70/mine --convention otb --json
-  ope compare --dataset dtb70 --root DTB70 --out plots results/DTB70/drmim-p50 results/DTB70/kcf
-  ope diagnose --dataset dtb70 --root DTB70 --out sheets results/DTB70/drmim-p50 results/DTB70/kcf
-  ope report --dataset dtb70 --root DTB70 --out page.html results/DTB70/drmim-p50 results/DTB70/kcf
+  ope compare --dataset dtb70 --root DTB70 --out plots results/DTB70/track-cpu results/DTB70/kcf
+  ope diagnose --dataset dtb70 --root DTB70 --out sheets results/DTB70/track-cpu results/DTB70/kcf
+  ope report --dataset dtb70 --root DTB70 --out page.html results/DTB70/track-cpu results/DTB70/kcf
   ope render --out flights --count 3 && ope run --dataset folder --root flights --out results
-  ope export --to pysot --dataset dtb70 --results results/DTB70/drmim-p50 --out exported";
+  ope export --to pysot --dataset dtb70 --results results/DTB70/track-cpu --out exported";
 
 /// The sub-commands.
 #[derive(Debug, Subcommand)]
