@@ -102,7 +102,7 @@ impl Pulse {
         self.progress = now;
     }
 
-    /// The frame that has come looks like this; see [`fingerprint`].
+    /// The frame that has come looks like this, as `fingerprint` has it.
     pub fn picture(&mut self, fingerprint: u64, now: Instant) {
         if self.same.count > 0 && self.same.fingerprint == fingerprint {
             self.same.count = self.same.count.saturating_add(1);
