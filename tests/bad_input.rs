@@ -262,7 +262,7 @@ fn options() -> Vec<Case> {
         track("format without raw", "--pix gray", Fails(USAGE, "--raw")),
         track(
             "unknown pixel format",
-            "--raw 64x48 --pix rgb",
+            "--raw 64x48 --pix rgb23",
             Fails(USAGE, "yuv420p"),
         ),
         track(
