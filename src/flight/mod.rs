@@ -326,9 +326,10 @@ impl FlightTracker {
         refuted
     }
 
-    /// Learns the target's appearance. The plain tracker learns as it does on its own, so that it
-    /// is never worse than on its own. What presence rests on is learned only from a target that
-    /// is surely seen.
+    /// Learns the target's appearance.
+    ///
+    /// The plain tracker learns unless the target is disbelieved, on probation or not to be seen.
+    /// What presence rests on is learned only from a target that is surely seen.
     fn learn(&mut self, frame: &Frame<'_>, sight: &Sight, verdict: &Verdict, target: &Target) {
         let is_present = verdict.sighting == Sighting::Present;
         if let Some(finding) = sight.finding.filter(|_| is_present)

@@ -45,8 +45,8 @@ pub enum Command {
     /// Calibrate a weights file for int8 by measuring its activations.
     #[command(allow_negative_numbers = true)]
     Quantize(Measure),
-    /// Choose the tracker's constants for a weights file: correction, template update and online
-    /// filter.
+    /// Choose the tracker's constants for a weights file: correction, template update, online
+    /// filter and unstretching.
     #[command(allow_negative_numbers = true)]
     Tune(Tune),
     /// Write contact sheets of sampled pairs.
