@@ -91,10 +91,7 @@ fn draw_film(out: &Path, mut source: Source, trackers: &[Tracker]) -> Result<usi
     let mut film = Film::create(out)?;
     let mut index = 0;
     while let Some(image) = source.next() {
-        let image = image.map_err(|error| Failure::Frame {
-            frame: index,
-            error,
-        })?;
+        let image = image.map_err(Failure::at_frame(index))?;
         film.add(index, &image.frame(), |canvas| {
             draw(canvas, index, trackers)
         })?;
@@ -112,10 +109,7 @@ fn draw_sheet(out: &Path, mut source: Source, trackers: &[Tracker]) -> Result<us
     let mut step = 1;
     let mut index = 0;
     while let Some(image) = source.next() {
-        let image = image.map_err(|error| Failure::Frame {
-            frame: index,
-            error,
-        })?;
+        let image = image.map_err(Failure::at_frame(index))?;
         if index % step == 0 {
             let frame = image.frame();
             let (width, height) = *size.get_or_insert_with(|| sheet_size(&frame));

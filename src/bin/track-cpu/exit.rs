@@ -72,6 +72,11 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// Makes the failure of a frame from what its source said.
+    pub fn at_frame(frame: usize) -> impl FnOnce(SourceError) -> Failure {
+        move |error| Failure::Frame { frame, error }
+    }
+
     /// A failure to write to `path`.
     pub fn output(path: &Path, reason: impl ToString) -> Failure {
         Failure::Output {

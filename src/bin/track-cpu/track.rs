@@ -95,10 +95,7 @@ impl Run<'_> {
         let Some(first) = frames.next() else {
             return Ok(()); // a source has a frame or gives an error
         };
-        let first = first.map_err(|error| Failure::Frame {
-            frame: index,
-            error,
-        })?;
+        let first = first.map_err(Failure::at_frame(index))?;
         self.see_size(index, &first);
         let started = Instant::now();
         let mut found = self.tracker.start(&first.frame(), self.args.init)?;
@@ -123,10 +120,7 @@ impl Run<'_> {
                     is_painting = self.paint(index, image, found, frames);
                 }
                 Err(error) => {
-                    let bad = self.bad.pass(error).map_err(|error| Failure::Frame {
-                        frame: index,
-                        error,
-                    })?;
+                    let bad = self.bad.pass(error).map_err(Failure::at_frame(index))?;
                     eprintln!("warning: frame {index}: {bad}");
                     if bad.is_held {
                         self.boxes.write(index, &found.held(), Duration::ZERO)?;

@@ -241,7 +241,6 @@ mod tests {
     use super::*;
     use crate::health::Health;
     use crate::hub::Limits;
-    use crate::picture::Order;
     use crate::slot::Next;
     use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -268,12 +267,7 @@ mod tests {
                 return Err("killed".into());
             }
             self.left -= 1;
-            Ok(Some(Picture {
-                data: vec![0],
-                width: 1,
-                height: 1,
-                order: Order::Gray,
-            }))
+            Ok(Some(Picture::dot()))
         }
 
         fn stopper(&self) -> Option<Stopper> {

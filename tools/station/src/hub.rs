@@ -234,7 +234,6 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
     use crate::command::Target;
-    use crate::picture::Order;
     use crate::report::{State, Tracked};
 
     fn live_hub(limits: Limits) -> Hub {
@@ -305,12 +304,7 @@ mod tests {
             track: Some(track),
             ..Report::default()
         };
-        let picture = Picture {
-            data: vec![0],
-            width: 1,
-            height: 1,
-            order: Order::Gray,
-        };
+        let picture = Picture::dot();
 
         hub.publish(report, &picture);
 

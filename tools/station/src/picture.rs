@@ -51,6 +51,17 @@ pub struct Picture {
 }
 
 impl Picture {
+    /// A picture of one black pixel, for tests that need any picture.
+    #[cfg(test)]
+    pub(crate) fn dot() -> Picture {
+        Picture {
+            data: vec![0],
+            width: 1,
+            height: 1,
+            order: Order::Gray,
+        }
+    }
+
     /// Width and height in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)

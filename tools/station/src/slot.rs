@@ -133,15 +133,9 @@ fn keep(spare: &mut Vec<Picture>, picture: Picture) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::Order;
 
     fn shot(index: u64) -> Shot {
-        let picture = Picture {
-            data: vec![0],
-            width: 1,
-            height: 1,
-            order: Order::Gray,
-        };
+        let picture = Picture::dot();
         Shot {
             picture,
             index,

@@ -162,10 +162,7 @@ fn decoding(
         let started = Instant::now();
         let mut source = Source::open(&Input::new(paths[i]))?;
         let Some(image) = source.next() else { continue };
-        let image = image.map_err(|error| Failure::Frame {
-            frame: index,
-            error,
-        })?;
+        let image = image.map_err(Failure::at_frame(index))?;
         decode.push(started.elapsed());
         tracker.update(&image.frame())?;
         all.push(started.elapsed());

@@ -162,7 +162,7 @@ fn temperatures(folder: &Path) -> Vec<(String, f64)> {
 mod tests {
     use super::*;
     use crate::hub::{Hub, Limits};
-    use crate::picture::{FrameBox, Order, Picture};
+    use crate::picture::{FrameBox, Picture};
     use crate::report::{Report, Tracked};
     use std::time::Instant;
 
@@ -178,12 +178,7 @@ mod tests {
             track: Some(Tracked::certain(FrameBox::new(1.0, 2.0, 3.0, 4.0))),
             ..Report::default()
         };
-        let picture = Picture {
-            data: vec![0],
-            width: 1,
-            height: 1,
-            order: Order::Gray,
-        };
+        let picture = Picture::dot();
 
         hub.publish(report, &picture);
         let text = text(&hub.view());

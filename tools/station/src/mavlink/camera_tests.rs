@@ -1,6 +1,6 @@
 use super::*;
 use crate::hub::Limits;
-use crate::picture::{FrameBox, Order, Picture};
+use crate::picture::{FrameBox, Picture};
 use crate::report::{Report, Tracked};
 
 const PEER: Peer = 1;
@@ -21,12 +21,7 @@ fn camera_without_frames(options: MavlinkOptions) -> (Camera, Arc<Hub>) {
 }
 
 fn publish(hub: &Hub, size: (usize, usize), track: Option<Tracked>) {
-    let picture = Picture {
-        data: vec![0],
-        width: 1,
-        height: 1,
-        order: Order::Gray,
-    };
+    let picture = Picture::dot();
     let report = Report {
         size,
         track,
