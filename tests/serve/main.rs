@@ -8,6 +8,7 @@
 //! | `mavlink.rs` | MAVLink as ground stations speak it |
 //! | `page.rs` | the web page |
 //! | `video.rs` | the video with boxes burnt in |
+//! | `targets.rs` | several targets at a time |
 //! | `support.rs` | running programs, a camera on a pipe, a ground station |
 
 #![cfg(all(feature = "serve", unix))]
@@ -18,4 +19,5 @@ mod log;
 mod mavlink;
 mod page;
 mod support;
+mod targets;
 mod video;

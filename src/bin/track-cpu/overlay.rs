@@ -65,6 +65,11 @@ impl Canvas {
 
     /// A bold outline with its score in figures and as a bar: where the tracker sees the object.
     pub fn found(&mut self, bbox: &BBox, score: Option<f32>) {
+        self.target(bbox, "", score);
+    }
+
+    /// What [`found`](Self::found) draws, with a name before the score.
+    pub fn target(&mut self, bbox: &BBox, name: &str, score: Option<f32>) {
         let (edges @ [x0, y0, x1, y1], t) = (self.edges(bbox), 2 * self.unit);
         self.outline(
             [x0 - t - 1, y0 - t - 1, x1 + t + 1, y1 + t + 1],
@@ -73,10 +78,14 @@ impl Canvas {
             0.45,
         );
         self.outline([x0 - t, y0 - t, x1 + t, y1 + t], t, AMBER, 1.0);
-        let Some(score) = score else { return };
-        let text = format!("{score:.2}");
+        let figures = score.map(|score| format!("{score:.2}"));
+        let text = [name, figures.as_deref().unwrap_or_default()].join(" ");
+        let text = text.trim();
+        if text.is_empty() {
+            return;
+        }
         let (w, h) = (
-            text_width(&text, self.unit) + 4 * self.unit,
+            text_width(text, self.unit) + 4 * self.unit,
             (font::HEIGHT as i32 + 6) * self.unit,
         );
         let x = (edges[0] - t).clamp(0, (self.picture.width() as i32 - w).max(0));
@@ -90,10 +99,13 @@ impl Canvas {
         self.text(
             x + 2 * self.unit,
             y + 2 * self.unit,
-            &text,
+            text,
             self.unit,
             WHITE,
         );
+        let Some(score) = score else {
+            return;
+        };
         let color = mix(RED, AMBER, score);
         let bar = ((w - 4 * self.unit) as f32 * score.clamp(0.0, 1.0)).round() as i32;
         let bottom = y + h - self.unit;

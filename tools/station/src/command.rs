@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use crate::hub::lock;
 use crate::picture::FrameBox;
+use crate::report::TargetId;
 
 /// How long a command may wait to be carried out.
 pub const LIFETIME: Duration = Duration::from_secs(2);
@@ -80,22 +81,23 @@ pub enum Command {
         target: Target,
         /// The frame in which the client saw it; `None` for the newest.
         frame: Option<u64>,
+        /// The number under which it is followed; `None` for the lowest that is free.
+        id: Option<TargetId>,
     },
-    /// Follow nothing.
-    Stop,
+    /// Stop following.
+    Stop {
+        /// The number of the target; `None` for all.
+        id: Option<TargetId>,
+    },
 }
 
 impl Command {
     /// Reads a start: `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares
-    /// of the frame, or `{"box": [left, top, width, height]}` in its pixels; and `"frame"`, the
-    /// number of the frame in which they were seen, if it is known.
+    /// of the frame, or `{"box": [left, top, width, height]}` in its pixels; `"frame"`, the number of
+    /// the frame in which they were seen, and `"target"`, the number of the target, if they are
+    /// given. Other fields are ignored.
     ///
-    /// `None` if the bytes are anything else.
-    pub fn from_json(bytes: &[u8]) -> Option<Command> {
-        Command::start(&serde_json::from_slice(bytes).ok()?)
-    }
-
-    /// Reads a start as [`from_json`](Self::from_json) does; other fields are ignored.
+    /// `None` if the value is anything else.
     pub fn start(value: &Value) -> Option<Command> {
         let numbers = |field: &str| -> Option<Vec<f32>> {
             let mut numbers = Vec::new();
@@ -113,11 +115,17 @@ impl Command {
             (None, None, Some(&[x, y, w, h])) => Target::Pixels(FrameBox::new(x, y, w, h)),
             _ => return None,
         };
-        let frame = match value.get("frame") {
-            None | Some(Value::Null) => None,
-            Some(frame) => Some(frame.as_u64()?),
-        };
-        Some(Command::Start { target, frame })
+        let frame = whole(value, "frame")?;
+        let id = number(value)?;
+        Some(Command::Start { target, frame, id })
+    }
+
+    /// Reads a stop, which may name its `"target"`; other fields are ignored.
+    ///
+    /// `None` if it names no number.
+    pub fn stop(value: &Value) -> Option<Command> {
+        let id = number(value)?;
+        Some(Command::Stop { id })
     }
 
     /// Whether it can only be carried out on a frame.
@@ -147,11 +155,30 @@ impl Command {
     }
 }
 
+/// The number of the target that a command names, if it names one; `None` if that is no number.
+fn number(value: &Value) -> Option<Option<TargetId>> {
+    let id = whole(value, "target")?;
+    match id {
+        None => Some(None),
+        Some(id) => TargetId::try_from(id).ok().map(Some),
+    }
+}
+
+/// A whole number, if the field is there; `None` if it is anything else.
+fn whole(value: &Value, field: &str) -> Option<Option<u64>> {
+    match value.get(field) {
+        None | Some(Value::Null) => Some(None),
+        Some(number) => number.as_u64().map(Some),
+    }
+}
+
 /// What became of a command.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// It was carried out.
     Done,
+    /// A target of this number is followed.
+    Started(TargetId),
     /// It cannot be carried out, for this reason; an earlier target is followed on.
     Refused(String),
     /// The source delivers no frames.
@@ -166,7 +193,7 @@ impl Outcome {
     /// A sentence for people.
     pub fn words(&self) -> String {
         match self {
-            Outcome::Done => "done".into(),
+            Outcome::Done | Outcome::Started(_) => "done".into(),
             Outcome::Refused(reason) => format!("refused: {reason}"),
             Outcome::NoFrames => "refused: the source delivers no frames".into(),
             Outcome::Expired => "refused: no frame came in time".into(),
@@ -284,6 +311,7 @@ mod tests {
             let command = Command::Start {
                 target,
                 frame: None,
+                id: None,
             };
 
             assert!(command.check().is_err(), "{target:?}");
@@ -292,8 +320,9 @@ mod tests {
 
     #[test]
     fn start_is_read_with_care() {
-        let read = |text: &str| Command::from_json(text.as_bytes());
-        let start = |target, frame| Some(Command::Start { target, frame });
+        let read = |text: &str| Command::start(&serde_json::from_str(text).unwrap());
+        let id = None;
+        let start = |target, frame| Some(Command::Start { target, frame, id });
 
         let rectangle = Target::Rectangle([0.0, 0.25, 0.5, 1.0]);
         let point = Target::Point {
@@ -315,22 +344,45 @@ mod tests {
                 r#"{"box": [12, 8.5, 40, 30]}"#,
                 start(Target::Pixels(FrameBox::new(12.0, 8.5, 40.0, 30.0)), None),
             ),
-            ("", None),
+            (
+                r#"{"point": [0.5, 0.25], "target": 3}"#,
+                Some(Command::Start {
+                    target: point,
+                    frame: None,
+                    id: Some(3),
+                }),
+            ),
             ("{}", None),
             (r#"{"box": [1, 2, 3, 4], "point": [0.5, 0.25]}"#, None),
             ("[1,2,3,4]", None),
             (r#"{"rectangle": [0, 1]}"#, None),
             (r#"{"point": ["a", 1]}"#, None),
             (r#"{"point": [0.5, 0.25], "frame": -1}"#, None),
+            (r#"{"point": [0.5, 0.25], "target": "3"}"#, None),
         ] {
             assert_eq!(read(text), expected, "{text}");
         }
     }
 
     #[test]
+    fn stop_may_name_a_target() {
+        for (text, expected) in [
+            ("{}", Some(None)),
+            (r#"{"target": null}"#, Some(None)),
+            (r#"{"target": 2}"#, Some(Some(2))),
+            (r#"{"target": -2}"#, None),
+            (r#"{"target": [2]}"#, None),
+        ] {
+            let read = Command::stop(&serde_json::from_str(text).unwrap());
+
+            assert_eq!(read, expected.map(|id| Command::Stop { id }), "{text}");
+        }
+    }
+
+    #[test]
     fn command_expires_and_its_client_learns_it() {
         let now = Instant::now();
-        let (pending, receipt) = Pending::new(Command::Stop, now);
+        let (pending, receipt) = Pending::new(Command::Stop { id: None }, now);
 
         assert!(!pending.is_expired(now));
         assert!(pending.is_expired(now + LIFETIME));

@@ -18,7 +18,7 @@ use image::{RgbImage, imageops};
 use crate::error::Error;
 use crate::hub::lock;
 use crate::picture::Picture;
-use crate::report::Tracked;
+use crate::report::Report;
 use crate::say::say;
 use crate::slot::Slot;
 
@@ -36,7 +36,7 @@ const MAX_FILES: usize = 10_000;
 const MAX_WORDS: usize = 300;
 
 /// Draws what is known of a frame into a copy of it.
-pub type Draw = fn(&Picture, Option<&Tracked>, &str) -> RgbImage;
+pub type Draw = fn(&Picture, &Report) -> RgbImage;
 
 /// How the video is to be written.
 #[derive(Clone, Debug)]
@@ -121,8 +121,7 @@ fn port(rest: &str) -> Option<u16> {
 /// One frame to draw.
 struct Job {
     picture: Picture,
-    track: Option<Tracked>,
-    caption: String,
+    report: Report,
 }
 
 /// What the threads share.
@@ -187,18 +186,8 @@ impl Film {
     }
 
     /// Has a frame drawn and written; a picture for which there is no room is given back.
-    pub fn add(
-        &mut self,
-        picture: Picture,
-        track: Option<Tracked>,
-        caption: String,
-    ) -> Option<Picture> {
-        let job = Job {
-            picture,
-            track,
-            caption,
-        };
-        match self.jobs.try_send(job) {
+    pub fn add(&mut self, picture: Picture, report: Report) -> Option<Picture> {
+        match self.jobs.try_send(Job { picture, report }) {
             Ok(()) => None,
             Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) => {
                 self.dropped += 1;
@@ -271,7 +260,7 @@ impl Writer {
     }
 
     fn image(&self, job: &Job) -> RgbImage {
-        let image = (self.options.draw)(&job.picture, job.track.as_ref(), &job.caption);
+        let image = (self.options.draw)(&job.picture, &job.report);
         match self.size {
             Some((w, h)) if image.dimensions() != (w as u32, h as u32) => {
                 imageops::thumbnail(&image, w as u32, h as u32)
@@ -444,7 +433,7 @@ mod tests {
     use super::*;
     use crate::picture::Order;
 
-    fn plain(picture: &Picture, _: Option<&Tracked>, _: &str) -> RgbImage {
+    fn plain(picture: &Picture, _: &Report) -> RgbImage {
         picture.to_rgb()
     }
 
@@ -492,7 +481,7 @@ mod tests {
 
     #[test]
     fn frames_are_dropped_and_counted_where_the_encoder_does_not_keep_up() {
-        fn slow(picture: &Picture, _: Option<&Tracked>, _: &str) -> RgbImage {
+        fn slow(picture: &Picture, _: &Report) -> RgbImage {
             std::thread::sleep(Duration::from_millis(300));
             picture.to_rgb()
         }
@@ -513,7 +502,7 @@ mod tests {
 
         let began = Instant::now();
         let returned: Vec<bool> = (0..20)
-            .map(|_| film.add(picture.clone(), None, String::new()).is_some())
+            .map(|_| film.add(picture.clone(), Report::default()).is_some())
             .collect();
         let took = began.elapsed();
 

@@ -234,7 +234,9 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
     use crate::command::Target;
-    use crate::report::{State, Tracked};
+    use crate::report::{Followed, Tracked};
+
+    const STOP: Command = Command::Stop { id: None };
 
     fn live_hub(limits: Limits) -> Hub {
         let hub = Hub::new(limits);
@@ -246,6 +248,7 @@ mod tests {
         Command::Start {
             target: Target::Rectangle([0.4, 0.4, 0.6, 0.6]),
             frame: None,
+            id: None,
         }
     }
 
@@ -254,20 +257,20 @@ mod tests {
         let hub = Hub::new(Limits::default());
 
         assert_eq!(hub.command(middle()).outcome(), Some(Outcome::NoFrames));
-        assert_eq!(hub.command(Command::Stop).outcome(), None);
+        assert_eq!(hub.command(STOP).outcome(), None);
     }
 
     #[test]
     fn start_waits_for_a_frame_and_stop_does_not() {
         let hub = live_hub(Limits::default());
         let start = hub.command(middle());
-        let stop = hub.command(Command::Stop);
+        let stop = hub.command(STOP);
 
         let without = hub.take_commands(false);
         let with = hub.take_commands(true);
 
         assert_eq!(without.len(), 1);
-        assert_eq!(without[0].command, Command::Stop);
+        assert_eq!(without[0].command, STOP);
         assert_eq!(with.len(), 1);
         with[0].resolve(Outcome::Done);
         assert_eq!(start.outcome(), Some(Outcome::Done));
@@ -278,10 +281,10 @@ mod tests {
     fn too_many_commands_are_refused() {
         let hub = live_hub(Limits::default());
         for _ in 0..MAX_WAITING {
-            assert_eq!(hub.command(Command::Stop).outcome(), None);
+            assert_eq!(hub.command(STOP).outcome(), None);
         }
 
-        assert_eq!(hub.command(Command::Stop).outcome(), Some(Outcome::Busy));
+        assert_eq!(hub.command(STOP).outcome(), Some(Outcome::Busy));
     }
 
     #[test]
@@ -291,17 +294,14 @@ mod tests {
             stall: Duration::from_millis(150),
         };
         let hub = live_hub(limits);
-        let track = Tracked {
-            bbox: Default::default(),
-            presence: None,
-            score: 1.0,
-            state: State::Tracking,
-            searches: 0,
-            others: Vec::new(),
+        let target = Followed {
+            id: 1,
+            start: 1,
+            track: Tracked::certain(Default::default()),
         };
         let report = Report {
             taken: Some(Instant::now()),
-            track: Some(track),
+            targets: vec![target],
             ..Report::default()
         };
         let picture = Picture::dot();
@@ -311,7 +311,7 @@ mod tests {
         assert_eq!(hub.view().state(), "tracking");
         std::thread::sleep(Duration::from_millis(60));
         assert_eq!(hub.view().state(), "stale");
-        assert!(hub.view().track().is_none());
+        assert!(hub.view().first().is_none());
         std::thread::sleep(Duration::from_millis(120));
         assert_eq!(hub.view().freshness, Freshness::Dead);
         assert_eq!(hub.view().health, Health::Stalled);

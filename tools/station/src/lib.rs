@@ -40,16 +40,17 @@
 //! let feed = Feed { open: Box::new(|| Ok(Box::new(Three(0)))), reopens: false, period: None };
 //! let options = Options {
 //!     every_frame: true,
-//!     init: Some(FrameBox::new(20.0, 10.0, 8.0, 8.0)),
+//!     init: vec![FrameBox::new(20.0, 10.0, 8.0, 8.0)],
 //!     ..Options::default()
 //! };
-//! Station::new(options).run(&mut Still(None), feed)?;
+//! Station::new(options).run(vec![Box::new(Still(None))], feed)?;
 //! # Ok::<(), station::Error>(())
 //! ```
 //!
 //! | file | what happens there |
 //! |---|---|
 //! | `station.rs` | the tracking thread: start reading here |
+//! | `targets.rs` | the targets that are followed, each by an engine of its own |
 //! | `feed.rs`, `camera.rs` | the feeding thread; V4L2 behind a trait |
 //! | `health.rs` | health of the source, the stall time-out |
 //! | `slot.rs` | latest frame wins |
@@ -87,6 +88,7 @@ mod ring;
 mod say;
 mod slot;
 mod station;
+mod targets;
 
 pub use command::{Command, Outcome, Pending, Receipt, Target};
 pub use engine::Engine;
@@ -95,5 +97,5 @@ pub use feed::{Feed, Frames, Open, Stopper};
 pub use health::{Health, Pulse};
 pub use hub::{Hub, Limits};
 pub use picture::{FrameBox, Order, Picture};
-pub use report::{Candidate, Freshness, Report, State, Tracked, View};
+pub use report::{Candidate, Followed, Freshness, Report, State, TargetId, Tracked, View};
 pub use station::{Options, Station};

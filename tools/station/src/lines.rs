@@ -54,7 +54,7 @@ impl Lines {
         })
     }
 
-    /// Writes a line for the newest report.
+    /// Writes the lines of the newest report, one per target.
     ///
     /// # Errors
     /// If the reader of standard output has gone.
@@ -62,14 +62,16 @@ impl Lines {
         if !self.prints_reports && self.socket.is_none() {
             return Ok(());
         }
-        let line = view.to_json().to_string();
-        if let Some(socket) = &self.socket {
-            let _ = socket.send(line.as_bytes()); // a missing listener is no fault of ours
+        for line in view.to_lines() {
+            let line = line.to_string();
+            if let Some(socket) = &self.socket {
+                let _ = socket.send(line.as_bytes()); // a missing listener is no fault of ours
+            }
+            if let Some(printer) = self.printer.as_mut().filter(|_| self.prints_reports) {
+                printer.print(line)?;
+            }
         }
-        match &mut self.printer {
-            Some(printer) if self.prints_reports => printer.print(line),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     /// Where further lines for standard output are handed in.

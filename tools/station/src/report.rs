@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::health::Health;
 use crate::picture::FrameBox;
@@ -52,7 +52,21 @@ pub struct Candidate {
     pub similarity: f32,
 }
 
-/// Where the target is.
+/// Number of a target, from 1 on.
+pub type TargetId = usize;
+
+/// A target that is followed.
+#[derive(Clone, Debug)]
+pub struct Followed {
+    /// Its number.
+    pub id: TargetId,
+    /// Number of the start that chose it; later starts have higher ones.
+    pub start: u64,
+    /// Where it is.
+    pub track: Tracked,
+}
+
+/// Where a target is.
 #[derive(Clone, Debug)]
 pub struct Tracked {
     /// Its box.
@@ -94,8 +108,10 @@ pub struct Report {
     pub elapsed: Duration,
     /// Width and height of the frame in pixels.
     pub size: (usize, usize),
-    /// `None` while nothing is followed.
-    pub track: Option<Tracked>,
+    /// How many targets can be followed at a time.
+    pub room: usize,
+    /// The targets that are followed, by rising number.
+    pub targets: Vec<Followed>,
     /// Milliseconds from the frame's delivery to this report.
     pub latency_ms: f64,
     /// Milliseconds that tracking took.
@@ -111,11 +127,20 @@ pub struct Report {
 }
 
 impl Report {
-    /// The word for the state, `idle` while nothing is followed.
+    /// The target of the lowest number, by which autopilots steer.
+    pub fn first(&self) -> Option<&Followed> {
+        self.targets.first()
+    }
+
+    /// Whether targets are told by their numbers: a single one needs none.
+    pub fn tells_ids(&self) -> bool {
+        self.room > 1
+    }
+
+    /// The word for the state of the first target, `idle` while nothing is followed.
     pub fn state(&self) -> &'static str {
-        self.track
-            .as_ref()
-            .map_or("idle", |track| track.state.name())
+        self.first()
+            .map_or("idle", |target| target.track.state.name())
     }
 }
 
@@ -148,12 +173,18 @@ pub struct View {
 }
 
 impl View {
-    /// Where the target is, if that is known now.
-    pub fn track(&self) -> Option<&Tracked> {
-        self.report
-            .track
-            .as_ref()
-            .filter(|_| self.freshness == Freshness::Fresh)
+    /// The targets, if it is known now where they are.
+    pub fn targets(&self) -> &[Followed] {
+        if self.freshness == Freshness::Fresh {
+            &self.report.targets
+        } else {
+            &[]
+        }
+    }
+
+    /// The first target, if it is known now where it is.
+    pub fn first(&self) -> Option<&Followed> {
+        self.targets().first()
     }
 
     /// Frames per second, as measured between the last two.
@@ -165,17 +196,50 @@ impl View {
         }
     }
 
-    /// The word for the state: the tracker's, `idle` without a target, `stale` with an old report.
+    /// The word for the first target's state.
     pub fn state(&self) -> &'static str {
-        if self.report.track.is_some() && self.freshness != Freshness::Fresh {
-            "stale"
-        } else {
-            self.report.state()
+        self.state_of(self.report.first())
+    }
+
+    /// The word for a state: the tracker's, `idle` without a target, `stale` with an old report.
+    pub fn state_of(&self, target: Option<&Followed>) -> &'static str {
+        match target {
+            None => "idle",
+            Some(_) if self.freshness != Freshness::Fresh => "stale",
+            Some(target) => target.track.state.name(),
         }
     }
 
-    /// One JSON object; a report that may not be acted upon has no box.
+    /// A JSON object per target, by rising number, or one without a target; a report that may not
+    /// be acted upon has no box.
+    pub fn to_lines(&self) -> Vec<Value> {
+        let targets = &self.report.targets;
+        if targets.is_empty() {
+            return vec![self.line(None)];
+        }
+        targets
+            .iter()
+            .map(|target| self.line(Some(target)))
+            .collect()
+    }
+
+    /// One JSON object: the line of the first target and, where there is room for several, a list
+    /// of all.
     pub fn to_json(&self) -> Value {
+        let report = &self.report;
+        let mut value = self.line(report.first());
+        if report.tells_ids() {
+            value["room"] = report.room.into();
+            value["targets"] = report
+                .targets
+                .iter()
+                .map(|target| Value::Object(self.fields(target)))
+                .collect();
+        }
+        value
+    }
+
+    fn line(&self, target: Option<&Followed>) -> Value {
         let report = &self.report;
         let age_ms = self
             .age
@@ -185,23 +249,44 @@ impl View {
             "time_ms": rounded(report.time_ms, 1),
             "size": [report.size.0, report.size.1],
             "source": self.health.name(),
-            "state": self.state(),
+            "state": self.state_of(target),
             "age_ms": age_ms,
             "latency_ms": rounded(report.latency_ms, 2),
             "work_ms": rounded(report.work_ms, 2),
             "dropped": report.dropped,
             "late": report.late,
         });
-        if let Some(track) = self.track() {
-            value["box"] = numbers(&track.bbox);
-            value["presence"] = track
-                .presence
-                .map_or(Value::Null, |p| rounded(f64::from(p), 4));
-            value["score"] = rounded(f64::from(track.score), 4);
-            value["searches"] = track.searches.into();
-            value["others"] = track.others.iter().take(3).map(candidate).collect();
+        for (name, field) in target
+            .map(|target| self.fields(target))
+            .into_iter()
+            .flatten()
+        {
+            value[name] = field;
         }
         value
+    }
+
+    /// What is told of a target.
+    fn fields(&self, target: &Followed) -> Map<String, Value> {
+        let mut fields = Map::new();
+        let mut tell = |name: &str, value: Value| fields.insert(name.into(), value);
+        if self.report.tells_ids() {
+            tell("target", target.id.into());
+        }
+        tell("state", self.state_of(Some(target)).into());
+        if self.freshness == Freshness::Fresh {
+            let track = &target.track;
+            let presence = track.presence.map(|p| rounded(f64::from(p), 4));
+            tell("box", numbers(&track.bbox));
+            tell("presence", presence.unwrap_or(Value::Null));
+            tell("score", rounded(f64::from(track.score), 4));
+            tell("searches", track.searches.into());
+            tell(
+                "others",
+                track.others.iter().take(3).map(candidate).collect(),
+            );
+        }
+        fields
     }
 }
 

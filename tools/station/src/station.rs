@@ -20,9 +20,10 @@ use crate::log::{Asked, Log, LogOptions};
 use crate::mavlink::{self, MavlinkOptions};
 use crate::notify::Notifier;
 use crate::picture::FrameBox;
-use crate::report::{Report, Tracked};
+use crate::report::{Report, TargetId};
 use crate::say::{self, say};
 use crate::slot::{Next, Shot, Slot};
+use crate::targets::Targets;
 
 /// How long the tracking thread waits for a frame before it looks at anything else.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -42,8 +43,8 @@ pub struct Options {
     pub period: Duration,
     /// How old frames and silence may become.
     pub limits: Limits,
-    /// The target in the first frame.
-    pub init: Option<FrameBox>,
+    /// The targets in the first frame.
+    pub init: Vec<FrameBox>,
     /// Whether JSON lines go to standard output.
     pub print: bool,
     /// Address to which JSON lines are sent as datagrams.
@@ -69,7 +70,7 @@ impl Default for Options {
             deadline: Duration::from_millis(33),
             period: Duration::from_micros(33_333),
             limits: Limits::default(),
-            init: None,
+            init: Vec::new(),
             print: false,
             udp: None,
             log: None,
@@ -101,17 +102,18 @@ impl Station {
         move || hub.stop()
     }
 
-    /// Runs until the source ends or somebody stops it.
+    /// Runs until the source ends or somebody stops it, and follows as many targets at a time as
+    /// there are engines.
     ///
     /// # Errors
     /// If an option is unusable, or a source that is not opened again fails.
-    pub fn run(self, engine: &mut dyn Engine, feed: Feed) -> Result<(), Error> {
-        let ran = self.run_unsaid(engine, feed);
+    pub fn run(self, engines: Vec<Box<dyn Engine + '_>>, feed: Feed) -> Result<(), Error> {
+        let ran = self.run_unsaid(Targets::new(engines), feed);
         say::flush(FAREWELL);
         ran
     }
 
-    fn run_unsaid(self, engine: &mut dyn Engine, feed: Feed) -> Result<(), Error> {
+    fn run_unsaid(self, targets: Targets<'_>, feed: Feed) -> Result<(), Error> {
         let Station { options, hub } = self;
         let began = Instant::now();
         let log = options
@@ -126,6 +128,9 @@ impl Station {
             options.every_frame,
         )?;
         let mut threads = mavlink::start(&options.mavlink, &hub)?;
+        if targets.room() > 1 && !options.mavlink.links.is_empty() {
+            say!("mavlink: tells of, and steers by, the target of the lowest number");
+        }
         threads.extend(http::start(&options.http, &hub)?);
         threads.extend(commands::start(&options.commands, &hub, lines.printer())?);
         let slot = Arc::new(Slot::default());
@@ -139,7 +144,7 @@ impl Station {
         let mut tracking = Tracking {
             options: &options,
             began,
-            engine,
+            targets,
             hub: &hub,
             slot: &slot,
             log,
@@ -150,7 +155,6 @@ impl Station {
             reminder: began + REMINDER,
             ages: Ages::new(),
             late: 0,
-            starts: 0,
             before: None,
         };
         let ran = tracking.run(&feeder);
@@ -189,7 +193,7 @@ impl Station {
 struct Tracking<'a> {
     options: &'a Options,
     began: Instant,
-    engine: &'a mut dyn Engine,
+    targets: Targets<'a>,
     hub: &'a Hub,
     slot: &'a Slot,
     log: Option<Log>,
@@ -200,7 +204,6 @@ struct Tracking<'a> {
     reminder: Instant,
     ages: Ages,
     late: u64,
-    starts: u64,
     before: Option<Instant>, // when the last frame was delivered
 }
 
@@ -210,8 +213,9 @@ impl Tracking<'_> {
             match self.slot.take(PATIENCE) {
                 Next::Nothing => {
                     for pending in self.hub.take_commands(false) {
-                        self.engine.stop();
-                        pending.resolve(Outcome::Done);
+                        if let Command::Stop { id } = pending.command {
+                            pending.resolve(self.stop(id));
+                        }
                     }
                 }
                 Next::Ended(reason) => {
@@ -264,23 +268,18 @@ impl Tracking<'_> {
         let started = Instant::now();
         let commands = self.hub.take_commands(true);
         let mut asked = Vec::new();
-        let mut fresh = None;
         let before = self.before.replace(shot.taken);
-        if before.is_none()
-            && let Some(bbox) = self.options.init
-        {
-            match self.engine.start(&shot.picture, bbox) {
-                Ok(track) => {
-                    self.starts += 1;
-                    fresh = Some(track);
-                    asked.push(Asked::Start { bbox, at: None });
+        if before.is_none() {
+            for &bbox in &self.options.init {
+                match self.targets.start(None, &shot.picture, bbox, true) {
+                    Ok(id) => asked.push(Asked::Start { bbox, at: None, id }),
+                    Err(reason) if !self.has_clients() => return Err(Error::Refused(reason)),
+                    Err(reason) => say!("start refused: {reason}"),
                 }
-                Err(reason) if !self.has_clients() => return Err(Error::Refused(reason)),
-                Err(reason) => say!("start refused: {reason}"),
             }
         }
         for pending in commands {
-            self.obey(&pending, &shot, &mut asked, &mut fresh);
+            self.obey(&pending, &shot, &mut asked);
         }
         let every = self.options.every_frame;
         let elapsed = self.elapsed(before, shot.taken);
@@ -291,27 +290,27 @@ impl Tracking<'_> {
             let age = shot.taken.elapsed();
             self.options.deadline.saturating_sub(age)
         };
-        let track = fresh.or_else(|| self.engine.follow(&shot.picture, elapsed, budget));
+        let targets = self.targets.follow(&shot.picture, elapsed, budget);
         let age = shot.taken.elapsed();
         let report = Report {
             frame: shot.index,
             time_ms: shot.taken.duration_since(self.began).as_secs_f64() * 1e3,
             elapsed,
             size: shot.picture.size(),
-            track,
+            room: self.targets.room(),
+            targets,
             latency_ms: age.as_secs_f64() * 1e3,
             work_ms: started.elapsed().as_secs_f64() * 1e3,
             dropped: self.slot.dropped(),
             late: self.late,
-            starts: self.starts,
+            starts: self.targets.starts(),
             // A file has no live time: its frames are as new as their reports.
             taken: Some(if every { Instant::now() } else { shot.taken }),
         };
         if let Some(log) = &mut self.log {
             log.add(&asked, &report, &shot.picture);
         }
-        let filmed = self.film.is_some().then(|| report.track.clone());
-        let caption = format!("#{} {}", report.frame, report.state());
+        let filmed = self.film.is_some().then(|| report.clone());
         if age > self.options.limits.max_age && !every {
             if self.late == 0 {
                 let (age, max) = (age.as_millis(), self.options.limits.max_age.as_millis());
@@ -319,14 +318,14 @@ impl Tracking<'_> {
             }
             self.late += 1;
         } else {
-            if report.track.is_some() {
+            for _ in &report.targets {
                 self.ages.add(age);
             }
             self.hub.publish(report, &shot.picture);
             self.write_line()?;
         }
         let left = match (&mut self.film, filmed) {
-            (Some(film), Some(track)) => film.add(shot.picture, track, caption),
+            (Some(film), Some(report)) => film.add(shot.picture, report),
             _ => Some(shot.picture),
         };
         if let Some(picture) = left {
@@ -345,59 +344,54 @@ impl Tracking<'_> {
     }
 
     /// Carries out a command on a frame and tells its client.
-    fn obey(
-        &mut self,
-        pending: &Pending,
-        shot: &Shot,
-        asked: &mut Vec<Asked>,
-        fresh: &mut Option<Tracked>,
-    ) {
-        match pending.command {
-            Command::Stop => {
-                self.engine.stop();
-                asked.push(Asked::Stop);
-                *fresh = None;
-                pending.resolve(Outcome::Done);
+    fn obey(&mut self, pending: &Pending, shot: &Shot, asked: &mut Vec<Asked>) {
+        let outcome = match pending.command {
+            Command::Stop { id } => {
+                let outcome = self.stop(id);
+                if outcome == Outcome::Done {
+                    asked.push(Asked::Stop { id });
+                }
+                outcome
             }
-            Command::Start { target, frame } => match self.start(target, frame, shot) {
-                Ok((start, track)) => {
-                    self.starts += 1;
+            Command::Start { target, frame, id } => match self.start(target, frame, id, shot) {
+                Ok((id, start)) => {
                     asked.push(start);
-                    *fresh = track;
-                    pending.resolve(Outcome::Done);
+                    Outcome::Started(id)
                 }
                 Err(reason) => {
                     say!("start refused: {reason}");
-                    pending.resolve(Outcome::Refused(reason));
+                    Outcome::Refused(reason)
                 }
             },
+        };
+        pending.resolve(outcome);
+    }
+
+    fn stop(&mut self, id: Option<TargetId>) -> Outcome {
+        match self.targets.stop(id) {
+            Ok(()) => Outcome::Done,
+            Err(reason) => Outcome::Refused(reason),
         }
     }
 
     /// Starts on the frame in which the client saw the target, if it is still kept.
-    ///
-    /// The target is then followed from there to the newest frame, so it has no fresh track.
     fn start(
         &mut self,
         target: Target,
         frame: Option<u64>,
+        id: Option<TargetId>,
         shot: &Shot,
-    ) -> Result<(Asked, Option<Tracked>), String> {
+    ) -> Result<(TargetId, Asked), String> {
         let earlier = frame
             .filter(|frame| *frame != shot.index)
             .and_then(|frame| Some((frame, self.hub.pictures().find(frame)?)));
-        if let Some((frame, picture)) = earlier {
-            let bbox = target.in_frame(picture.size())?;
-            self.engine.start(&picture, bbox)?;
-            let start = Asked::Start {
-                bbox,
-                at: Some(frame),
-            };
-            return Ok((start, None));
-        }
-        let bbox = target.in_frame(shot.picture.size())?;
-        let track = self.engine.start(&shot.picture, bbox)?;
-        Ok((Asked::Start { bbox, at: None }, Some(track)))
+        let at = earlier.as_ref().map(|(frame, _)| *frame);
+        let picture = earlier
+            .as_ref()
+            .map_or(&shot.picture, |(_, picture)| picture);
+        let bbox = target.in_frame(picture.size())?;
+        let id = self.targets.start(id, picture, bbox, at.is_none())?;
+        Ok((id, Asked::Start { bbox, at, id }))
     }
 
     /// Writes the newest report; a missing reader ends the program only if nobody else listens.

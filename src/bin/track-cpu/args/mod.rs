@@ -23,4 +23,4 @@ pub mod values;
 pub use engine::Search;
 pub use engine::{EngineArgs, Mode, ModelArg};
 #[cfg(feature = "serve")]
-pub use values::{bbox, frame_rate, pixel_format, size, threshold};
+pub use values::{MAX_TARGETS, bbox, frame_rate, pixel_format, size, targets, threshold};

@@ -8,9 +8,19 @@ use track_cpu::flight::{FRAME_RATES, check_threshold};
 use track_cpu::source::{OnBadFrame, PixelFormat};
 use track_cpu::{BBox, Cores, Isa, Precision};
 
+/// Most targets that are followed at a time.
+#[cfg(feature = "serve")]
+pub const MAX_TARGETS: usize = 8;
+
 /// A number of threads.
 pub fn threads(text: &str) -> Result<usize, String> {
     number_in(text, 1, Threads::MAX)
+}
+
+/// A number of targets.
+#[cfg(feature = "serve")]
+pub fn targets(text: &str) -> Result<usize, String> {
+    number_in(text, 1, MAX_TARGETS)
 }
 
 /// Processor cores that this machine has.

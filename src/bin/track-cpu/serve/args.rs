@@ -10,13 +10,15 @@ use station::film::{FilmOptions, Output};
 use station::http::HttpOptions;
 use station::log::{self, LogOptions};
 use station::mavlink::{MavlinkOptions, VideoStreamEncoding};
-use station::{FrameBox, Limits, Options};
+use station::{Limits, Options};
 use track_cpu::source::{PixelFormat, RawFormat, bound_command};
 use track_cpu::{BBox, Model};
 
-use super::engine::burn_in;
+use super::engine::{burn_in, frame_box};
 use crate::args::input::{ReadArgs, pix_help};
-use crate::args::{EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size, threshold};
+use crate::args::{
+    EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size, targets, threshold,
+};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -32,13 +34,14 @@ rtp:5600/h265, rtp:5600/jpeg) or as X.sdp describes it; a GStreamer pipeline tha
 flight:[seed=N],[difficulty=easy|medium|hard],[size=WxH],[frames=N].
 
 Only the newest frame is tracked; the others are counted as dropped. One JSON object per tracked
-frame goes to standard output. A camera or stream that fails, ends or falls silent is opened again.
+frame goes to standard output; with --targets one per target of the frame. A camera or stream that fails, ends or falls silent is opened again.
 SIGTERM and SIGINT end the program in order.
 
 Commands: {\"command\": \"start\", \"box\": [left, top, width, height]} in pixels; \"rectangle\": [left,
 top, right, bottom] or \"point\": [x, y] in shares of the frame in place of \"box\", and \"frame\": N if
-they were seen in that frame; {\"command\": \"stop\"}; {\"command\": \"state\"}. Each is answered once it
-is carried out: {\"done\": true}, or false with an \"error\"; an \"id\" is repeated.";
+they were seen in that frame; {\"command\": \"stop\"}; {\"command\": \"state\"}. With --targets, start and
+stop may name a \"target\"; else start takes the lowest free number, and stop ends all. Each is
+answered once it is carried out: {\"done\": true}, or false with an \"error\"; an \"id\" is repeated.";
 
 /// `serve`.
 #[derive(Debug, clap::Args)]
@@ -68,9 +71,14 @@ pub struct ServeArgs {
     /// Track every frame, however long that takes; for files.
     #[arg(long)]
     pub every_frame: bool,
+    /// How many targets can be followed at a time, 1 to 8. They have numbers from 1 on in every
+    /// output, and share the model and the time of a frame; autopilots steer by the lowest.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = targets)]
+    pub targets: usize,
     /// Target in the first frame: left, top, width, height in pixels; without it a client starts.
+    /// May be repeated.
     #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
-    pub init: Option<BBox>,
+    pub init: Vec<BBox>,
     /// The model.
     #[command(flatten)]
     pub model: ModelArg,
@@ -261,7 +269,8 @@ impl ServeArgs {
     pub fn options(&self, model: &Model, repeats: bool) -> Options {
         let head = json!({
             "log": "track-cpu",
-            "version": log::VERSION,
+            "version": log::version(self.targets),
+            "targets": self.targets,
             "input": self.input.display().to_string(),
             "repeats": repeats,
             "model": self.model.name().map(|path| path.display().to_string()),
@@ -283,7 +292,7 @@ impl ServeArgs {
                 max_age: self.max_age_ms,
                 stall: self.stall_ms,
             },
-            init: self.init.map(|b| FrameBox::new(b.x, b.y, b.w, b.h)),
+            init: self.init.iter().map(frame_box).collect(),
             print: !self.quiet,
             udp: self.udp.clone(),
             log: self.log.options(),

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use image::RgbImage;
-use station::{Candidate, Engine, FrameBox, Order, Picture, State, Tracked};
+use station::{Candidate, Engine, Followed, FrameBox, Order, Picture, Report, State, Tracked};
 use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Model};
 
@@ -59,7 +59,7 @@ impl TrackerEngine {
         // The first candidate is the choice itself.
         let others = self.tracker.candidates().iter().skip(1);
         Some(Tracked {
-            bbox: to_frame_box(track.bbox),
+            bbox: frame_box(&track.bbox),
             presence: tells_state.then_some(track.presence),
             score: track.score,
             state: if tells_state {
@@ -70,7 +70,7 @@ impl TrackerEngine {
             searches: track.searches,
             others: others
                 .map(|other| Candidate {
-                    bbox: to_frame_box(other.bbox),
+                    bbox: frame_box(&other.bbox),
                     score: other.score,
                     similarity: other.similarity,
                 })
@@ -102,17 +102,27 @@ impl Engine for TrackerEngine {
     }
 }
 
-/// Draws a track into a copy of its picture.
-pub fn burn_in(picture: &Picture, track: Option<&Tracked>, caption: &str) -> RgbImage {
+/// Draws what is known of a frame into a copy of it.
+pub fn burn_in(picture: &Picture, report: &Report) -> RgbImage {
     let Ok(frame) = frame(picture) else {
         return picture.to_rgb();
     };
     let mut canvas = Canvas::new(&frame);
-    if let Some(track) = track {
+    let mut caption = format!("#{}", report.frame);
+    for Followed { id, track, .. } in &report.targets {
         let FrameBox { x, y, w, h } = track.bbox;
-        canvas.found(&BBox::new(x, y, w, h), track.presence);
+        let mut name = String::new();
+        if report.tells_ids() {
+            name = id.to_string();
+            caption += &format!(" {id}");
+        }
+        canvas.target(&BBox::new(x, y, w, h), &name, track.presence);
+        caption += &format!(" {}", track.state.name());
     }
-    canvas.caption(caption);
+    if report.targets.is_empty() {
+        caption += " idle";
+    }
+    canvas.caption(&caption);
     canvas.picture
 }
 
@@ -129,7 +139,8 @@ fn frame(picture: &Picture) -> Result<Frame<'_>, String> {
         .map_err(|error| error.to_string())
 }
 
-fn to_frame_box(bbox: BBox) -> FrameBox {
+/// The box as the station knows it.
+pub fn frame_box(bbox: &BBox) -> FrameBox {
     FrameBox::new(bbox.x, bbox.y, bbox.w, bbox.h)
 }
 

@@ -14,7 +14,7 @@ mod engine;
 mod feed;
 pub mod replay;
 
-use station::Station;
+use station::{Engine, Station};
 use station::commands::Place;
 use track_cpu::{BBox, TrackError};
 
@@ -25,9 +25,13 @@ use engine::TrackerEngine;
 /// Runs `serve`.
 pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     // Refused at the start, even where a client could name another target.
-    if let Some(bbox) = args.init.filter(BBox::is_in_shares) {
-        let BBox { x, y, w, h } = bbox;
+    if let Some(&BBox { x, y, w, h }) = args.init.iter().find(|bbox| bbox.is_in_shares()) {
         return Err(TrackError::Shares { x, y, w, h }.into());
+    }
+    let (given, room) = (args.init.len(), args.targets);
+    if given > room {
+        let reason = format!("{given} boxes, expected no more than --targets, which is {room}");
+        return Err(station::Error::Refused(reason).into());
     }
     if args.input.as_os_str() == "-" && args.commands.contains(&Place::Stdin) {
         let reason = "standard input holds the frames, expected another place";
@@ -36,9 +40,14 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     let model = args.engine.model(args.model.name())?;
     let (feed, repeats) = feed::open(args).map_err(station::Error::Source)?;
     let options = args.options(&model, repeats);
-    let mut engine = TrackerEngine::new(model, &args.engine, args.mode, &args.threshold)?;
+    let mut engines: Vec<Box<dyn Engine>> = Vec::new();
+    for _ in 0..args.targets {
+        let model = model.clone(); // shares the weights
+        let engine = TrackerEngine::new(model, &args.engine, args.mode, &args.threshold)?;
+        engines.push(Box::new(engine));
+    }
     let station = Station::new(options);
     let stop = station.stopper();
     ctrlc::set_handler(stop).map_err(|error| station::Error::output("signals", error))?;
-    Ok(station.run(&mut engine, feed)?)
+    Ok(station.run(engines, feed)?)
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 use station::log::{Asked, Entry, Reader, frame_name};
-use station::{Engine, FrameBox, Picture};
+use station::{Engine, FrameBox, Picture, TargetId};
 use track_cpu::flight::{Budget, check_threshold};
 use track_cpu::source::{Input, Source};
 use track_cpu::{Isa, Precision};
@@ -12,14 +12,14 @@ use track_cpu::{Isa, Precision};
 use super::args::ReplayArgs;
 use super::engine::TrackerEngine;
 use super::feed::{Rendered, parse_flight, picture};
-use crate::args::{EngineArgs, Mode, Search};
+use crate::args::{EngineArgs, MAX_TARGETS, Mode, Search};
 use crate::exit::Failure;
 use crate::report::print;
 
 /// Runs `replay`.
 pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
     let mut log = Reader::open(&args.log)?;
-    let mut engine = engine(args, &log)?;
+    let mut engines = engines(args, &log)?;
     let mut frames = Frames::open(args, &log)?;
     // The head of a log whose earlier files are gone: what was followed is only known at a start.
     let mut is_known = log.head()["continues"].is_null();
@@ -34,9 +34,10 @@ pub fn run(args: &ReplayArgs) -> Result<(), Failure> {
             skipped += 1;
             continue;
         }
-        let found = repeat(&mut engine, &entry, &mut frames, &log)?;
+        let found = repeat(&mut engines, &entry, &mut frames, &log)?;
+        let logged = entry.found.iter().map(|found| (found.id, bits(found.bbox)));
         count += 1;
-        if found.map(bits) != entry.bbox.map(bits) {
+        if found != logged.collect::<Vec<_>>() {
             differing += 1;
             first.get_or_insert(entry.frame);
         }
@@ -60,8 +61,8 @@ fn bits(b: FrameBox) -> [u32; 4] {
     [b.x, b.y, b.w, b.h].map(f32::to_bits)
 }
 
-/// The tracker that the log's first line describes.
-fn engine(args: &ReplayArgs, log: &Reader) -> Result<TrackerEngine, Failure> {
+/// The trackers that the log's first line describes, one for each target.
+fn engines(args: &ReplayArgs, log: &Reader) -> Result<Vec<TrackerEngine>, Failure> {
     let head = log.head();
     let text = |field: &str| head[field].as_str().map(str::to_string);
     let isa = text("isa").and_then(|name| Isa::from_name(&name).ok());
@@ -96,39 +97,63 @@ fn engine(args: &ReplayArgs, log: &Reader) -> Result<TrackerEngine, Failure> {
         check_threshold(name, value).map_err(|error| log.wrong(&error.to_string()))?;
         thresholds.push((name.to_string(), value));
     }
-    TrackerEngine::new(engine.model(model.as_deref())?, &engine, mode, &thresholds)
+    // Logs of one target need not say so.
+    let targets = head["targets"].as_u64().unwrap_or(1);
+    if !(1..=MAX_TARGETS as u64).contains(&targets) {
+        return Err(log.wrong("names no possible number of targets").into());
+    }
+    let model = engine.model(model.as_deref())?;
+    let mut engines = Vec::new();
+    for _ in 0..targets {
+        engines.push(TrackerEngine::new(model.clone(), &engine, mode, &thresholds)?);
+    }
+    Ok(engines)
 }
 
-/// Does what the log says was done at a frame.
+/// Does what the log says was done at a frame; returns number and box of every target.
 fn repeat(
-    engine: &mut TrackerEngine,
+    engines: &mut [TrackerEngine],
     entry: &Entry,
     frames: &mut Frames,
     log: &Reader,
-) -> Result<Option<FrameBox>, Failure> {
+) -> Result<Vec<(TargetId, [u32; 4])>, Failure> {
+    let unknown = |id: TargetId| log.wrong(&format!("names target {id}, which the log lacks"));
     // An earlier frame may have to be read again, so it is read before this one.
-    let mut fresh = None;
+    let mut fresh = vec![None; engines.len()];
     for asked in &entry.asked {
-        fresh = None;
         match *asked {
-            Asked::Start {
-                bbox,
-                at: Some(frame),
-            } => {
-                let earlier = frames.earlier(frame, log)?;
-                let _ = engine.start(&earlier, bbox); // a refused one was not logged
+            Asked::Start { bbox, at, id } => {
+                let index = id - 1; // a log numbers them from 1 on
+                let engine = engines.get_mut(index).ok_or_else(|| unknown(id))?;
+                fresh[index] = match at {
+                    Some(frame) => {
+                        let earlier = frames.earlier(frame, log)?;
+                        let _ = engine.start(&earlier, bbox); // a refused one was not logged
+                        None
+                    }
+                    None => engine.start(&frames.get(entry.frame, log)?, bbox).ok(),
+                };
             }
-            Asked::Start { bbox, at: None } => {
-                let picture = frames.get(entry.frame, log)?;
-                fresh = engine.start(&picture, bbox).ok();
+            Asked::Stop { id } => {
+                for (index, engine) in engines.iter_mut().enumerate() {
+                    if id.is_none_or(|id| id == index + 1) {
+                        engine.stop();
+                        fresh[index] = None;
+                    }
+                }
             }
-            Asked::Stop => engine.stop(),
         }
     }
     let picture = frames.get(entry.frame, log)?;
-    let budget = Budget::Searches(entry.searches);
-    let found = fresh.or_else(|| engine.find(&picture, entry.elapsed, budget));
-    Ok(found.map(|track| track.bbox))
+    let mut found = Vec::new();
+    for (index, (engine, fresh)) in engines.iter_mut().zip(fresh).enumerate() {
+        let id = index + 1;
+        let logged = entry.found.iter().find(|found| found.id == id);
+        let budget = Budget::Searches(logged.map_or(0, |found| found.searches));
+        let track = fresh.or_else(|| engine.find(&picture, entry.elapsed, budget));
+        found.extend(track.map(|track| (id, bits(track.bbox))));
+    }
+    Ok(found)
 }
 
 /// The frames of a flight.

@@ -27,10 +27,14 @@ impl Request {
         let value = Value::Object(fields);
         let id = value.get("id").cloned();
         let request = match value.get("command").and_then(Value::as_str) {
-            Some("stop") => Ok(Request::Command(Command::Stop)),
+            Some("stop") => Command::stop(&value)
+                .map(Request::Command)
+                .ok_or_else(|| "expected a whole number as \"target\"".into()),
             Some("state") => Ok(Request::State),
             Some("start") => Command::start(&value).map(Request::Command).ok_or_else(|| {
-                "expected one of \"box\" (4 numbers), \"rectangle\" (4) and \"point\" (2)".into()
+                "expected one of \"box\" (4 numbers), \"rectangle\" (4) and \"point\" (2); \
+                 \"frame\" and \"target\" are whole numbers"
+                    .into()
             }),
             _ => Err("expected \"command\": \"start\", \"stop\" or \"state\"".into()),
         };
@@ -75,13 +79,20 @@ impl<P> Desk<P> {
     }
 
     /// The answers that are known now, each with its peer.
-    pub fn answers(&mut self) -> Vec<(P, String)> {
+    pub fn answers(&mut self, hub: &Hub) -> Vec<(P, String)> {
         let mut answers = std::mem::take(&mut self.known);
         for (peer, id, receipt) in std::mem::take(&mut self.owed) {
             match receipt.outcome() {
                 None => self.owed.push((peer, id, receipt)),
                 Some(Outcome::Done) => {
                     answers.push((peer, Value::Object(answer(id, true)).to_string()));
+                }
+                Some(Outcome::Started(target)) => {
+                    let mut answer = answer(id, true);
+                    if hub.view().report.tells_ids() {
+                        answer.insert("target".into(), target.into());
+                    }
+                    answers.push((peer, Value::Object(answer).to_string()));
                 }
                 Some(outcome) => answers.push((peer, refusal(id, &outcome.words()))),
             }
@@ -122,13 +133,19 @@ mod tests {
         let start = Command::Start {
             target: Target::Pixels(FrameBox::new(1.0, 2.0, 30.0, 40.0)),
             frame: Some(5),
+            id: None,
         };
 
         let text = r#"{"id": "a", "command": "start", "box": [1, 2, 30, 40], "frame": 5}"#;
         let id = Some(Value::from("a"));
         assert_eq!(read(text), (id, Ok(Request::Command(start))));
-        let stop = r#"{"command": "stop"}"#;
-        assert_eq!(read(stop), (None, Ok(Request::Command(Command::Stop))));
+        for (text, id) in [
+            (r#"{"command": "stop"}"#, None),
+            (r#"{"command": "stop", "target": 2}"#, Some(2)),
+        ] {
+            let stop = Ok(Request::Command(Command::Stop { id }));
+            assert_eq!(read(text), (None, stop), "{text}");
+        }
         let state = r#"{"command": "state", "id": 7}"#;
         assert_eq!(read(state), (Some(7.into()), Ok(Request::State)));
         for (text, part) in [
@@ -137,6 +154,7 @@ mod tests {
             ("{}", "\"start\", \"stop\" or \"state\""),
             (r#"{"command": "jump"}"#, "\"start\", \"stop\" or \"state\""),
             (r#"{"command": "start"}"#, "expected one of \"box\""),
+            (r#"{"command": "stop", "target": "all"}"#, "a whole number"),
         ] {
             let refused = read(text).1.unwrap_err();
             assert!(refused.contains(part), "{text}: {refused}");
@@ -160,9 +178,9 @@ mod tests {
             "b",
         );
         desk.take(&hub, b"nonsense", "c");
-        let first = desk.answers();
+        let first = desk.answers(&hub);
         hub.take_commands(true)[0].resolve(Outcome::Done);
-        let second = desk.answers();
+        let second = desk.answers(&hub);
 
         let peers: Vec<&str> = first.iter().map(|(peer, _)| *peer).collect();
         assert_eq!(peers, ["c", "b"]);

@@ -5,9 +5,11 @@
 //! |---|---|
 //! | `{"command": "start", "box": [left, top, width, height]}` in pixels, `"rectangle": [left, top, right, bottom]` or `"point": [x, y]` in shares of the frame; `"frame"` may number the frame in which they were seen | `{"done": true}` once the target is followed |
 //! | `{"command": "stop"}` | `{"done": true}` once nothing is followed |
+//! | either with `"target"`, the number of a target | the start replaces that target; the stop leaves the others |
 //! | `{"command": "state"}` | `{"done": true, "report": {...}}`, the newest report |
 //!
-//! An answer repeats the line's `"id"`, if it has one. A command that is not carried out is
+//! An answer repeats the line's `"id"`, if it has one; where several targets can be followed, that to
+//! a start tells the `"target"`, which is the lowest free number unless the line names one. A command that is not carried out is
 //! answered by `{"done": false, "error": "..."}`.
 //!
 //! | file | what happens there |
@@ -155,7 +157,7 @@ fn serve_datagrams(hub: &Hub, socket: &UdpSocket) {
                 }
             }
         }
-        for (to, answer) in desk.answers() {
+        for (to, answer) in desk.answers(hub) {
             let _ = socket.send_to(answer.as_bytes(), to); // the peer may have gone
         }
     }
@@ -173,7 +175,7 @@ fn serve_input(hub: &Hub, print: Option<&SyncSender<String>>) {
             // The program goes on: a detector may have done its part.
             Err(RecvTimeoutError::Disconnected) => return,
         }
-        for ((), answer) in desk.answers() {
+        for ((), answer) in desk.answers(hub) {
             print_answer(print, answer);
         }
     }
@@ -324,7 +326,7 @@ mod unix {
             } else {
                 std::thread::sleep(BUSY);
             }
-            for ((), answer) in desk.answers() {
+            for ((), answer) in desk.answers(hub) {
                 writeln!(stream, "{answer}")?;
             }
         }

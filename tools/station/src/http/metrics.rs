@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::health::Health;
-use crate::report::View;
+use crate::report::{TargetId, View};
 
 /// Every word for the state of the target.
 const STATES: [&str; 7] = [
@@ -76,34 +76,16 @@ pub fn text(view: &View) -> String {
             age.as_secs_f64(),
         ));
     }
-    if let Some(track) = view.track() {
-        gauges.push(("score", "Raw score of the target.", track.score.into()));
-        if let Some(presence) = track.presence {
-            let help = "Probability that the box is on the target.";
-            gauges.push(("presence", help, presence.into()));
-        }
-    }
     for (name, help, value) in gauges {
         metric(&mut text, name, "gauge", help, &[(String::new(), value)]);
     }
-    let chosen = |label: &str, names: &[&str], name: &str| -> Vec<(String, f64)> {
-        names
-            .iter()
-            .map(|known| {
-                let value = if *known == name { 1.0 } else { 0.0 };
-                (format!("{{{label}=\"{known}\"}}"), value)
-            })
-            .collect()
-    };
-    let states = chosen("state", &STATES, view.state());
-    metric(
-        &mut text,
-        "state",
-        "gauge",
-        "1 for the state of the target.",
-        &states,
+    targets(&mut text, view);
+    let sources = chosen(
+        "",
+        "source",
+        &Health::ALL.map(Health::name),
+        view.health.name(),
     );
-    let sources = chosen("source", &Health::ALL.map(Health::name), view.health.name());
     metric(
         &mut text,
         "source",
@@ -123,6 +105,63 @@ pub fn text(view: &View) -> String {
         );
     }
     text
+}
+
+/// What is known of every target; where there are several, each has its label.
+fn targets(text: &mut String, view: &View) {
+    let tells_ids = view.report.tells_ids();
+    let label = |id: TargetId| {
+        if tells_ids {
+            format!("target=\"{id}\"")
+        } else {
+            String::new()
+        }
+    };
+    let mut scores = Vec::new();
+    let mut presences = Vec::new();
+    for target in view.targets() {
+        let labels = braced(&label(target.id));
+        scores.push((labels.clone(), f64::from(target.track.score)));
+        presences.extend(target.track.presence.map(|p| (labels, f64::from(p))));
+    }
+    let mut states = Vec::new();
+    for id in 1..=view.report.room.max(1) {
+        let target = view.report.targets.iter().find(|target| target.id == id);
+        states.extend(chosen(&label(id), "state", &STATES, view.state_of(target)));
+    }
+    for (name, help, values) in [
+        ("score", "Raw score of the target.", scores),
+        (
+            "presence",
+            "Probability that the box is on the target.",
+            presences,
+        ),
+        ("state", "1 for the state of the target.", states),
+    ] {
+        if !values.is_empty() {
+            metric(text, name, "gauge", help, &values);
+        }
+    }
+}
+
+/// A line per name, with 1 for the one that is so, and 0 for the others.
+fn chosen(first: &str, label: &str, names: &[&str], name: &str) -> Vec<(String, f64)> {
+    let comma = if first.is_empty() { "" } else { "," };
+    let mut lines = Vec::new();
+    for known in names {
+        let value = if *known == name { 1.0 } else { 0.0 };
+        lines.push((braced(&format!("{first}{comma}{label}=\"{known}\"")), value));
+    }
+    lines
+}
+
+/// Labels in braces, if there are any.
+fn braced(labels: &str) -> String {
+    if labels.is_empty() {
+        String::new()
+    } else {
+        format!("{{{labels}}}")
+    }
 }
 
 /// One metric with a line per set of labels.
@@ -163,8 +202,42 @@ mod tests {
     use super::*;
     use crate::hub::{Hub, Limits};
     use crate::picture::{FrameBox, Picture};
-    use crate::report::{Report, Tracked};
+    use crate::report::{Followed, Report, Tracked};
     use std::time::Instant;
+
+    fn followed(id: TargetId) -> Followed {
+        Followed {
+            id,
+            start: 1,
+            track: Tracked::certain(FrameBox::new(1.0, 2.0, 3.0, 4.0)),
+        }
+    }
+
+    #[test]
+    fn several_targets_have_labels() {
+        let hub = Hub::new(Limits::default());
+        let report = Report {
+            taken: Some(Instant::now()),
+            room: 3,
+            targets: vec![followed(1), followed(3)],
+            ..Report::default()
+        };
+
+        hub.publish(report, &Picture::dot());
+        let text = text(&hub.view());
+
+        for line in [
+            "track_cpu_presence{target=\"1\"} 1",
+            "track_cpu_score{target=\"3\"} 1",
+            "track_cpu_state{target=\"2\",state=\"idle\"} 1",
+            "track_cpu_state{target=\"3\",state=\"tracking\"} 1",
+            "track_cpu_state{target=\"3\",state=\"idle\"} 0",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line} in\n{text}");
+        }
+        assert!(!text.contains("presence{target=\"2\"}"), "{text}");
+        assert_eq!(text.matches("# TYPE track_cpu_state ").count(), 1);
+    }
 
     #[test]
     fn report_becomes_metrics() {
@@ -175,7 +248,7 @@ mod tests {
             dropped: 3,
             latency_ms: 12.5,
             taken: Some(Instant::now()),
-            track: Some(Tracked::certain(FrameBox::new(1.0, 2.0, 3.0, 4.0))),
+            targets: vec![followed(1)],
             ..Report::default()
         };
         let picture = Picture::dot();

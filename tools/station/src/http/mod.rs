@@ -8,8 +8,8 @@
 //! | `GET /events` | a report (JSON) per event, at most 30 a second and at least 2 |
 //! | `GET /state` | the newest report |
 //! | `GET /metrics` | the newest report in numbers, as Prometheus reads it |
-//! | `POST /start` | `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares of the frame, or `{"box": [left, top, width, height]}` in pixels; `"frame"` may number the frame in which they were drawn; needs the token |
-//! | `POST /stop` | needs the token |
+//! | `POST /start` | `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares of the frame, or `{"box": [left, top, width, height]}` in pixels; `"frame"` may number the frame in which they were drawn, and `"target"` the target, which is the lowest that is free otherwise; needs the token |
+//! | `POST /stop` | stops all targets, or with `{"target": number}` this one; needs the token |
 //!
 //! The token travels in the header `X-Token`, which no other site's page can make a browser send.
 //! Streams and pictures may carry it as `?token=`. Requests for an unknown `Host` are refused, so
@@ -308,8 +308,11 @@ impl Site {
             ("POST", "/start" | "/stop") if !self.has_header(request) => {
                 Answer::error(403, "the token is missing or wrong")
             }
-            ("POST", "/stop") => self.command(Command::Stop),
-            ("POST", "/start") => match Command::from_json(&request.body) {
+            ("POST", "/stop") => match read_stop(&request.body) {
+                Some(command) => self.command(command),
+                None => Answer::error(400, "expected nothing, or the number of a target"),
+            },
+            ("POST", "/start") => match read_start(&request.body) {
                 Some(command) => self.command(command),
                 None => Answer::error(400, "expected a rectangle, a point or a box"),
             },
@@ -325,7 +328,10 @@ impl Site {
         }
         let outcome = self.hub.command(command).wait(LIFETIME + PATIENCE);
         match outcome {
-            Outcome::Done => Answer::json(202, &json!({ "accepted": true })),
+            Outcome::Started(target) if self.hub.view().report.tells_ids() => {
+                Answer::json(202, &json!({ "accepted": true, "target": target }))
+            }
+            Outcome::Done | Outcome::Started(_) => Answer::json(202, &json!({ "accepted": true })),
             Outcome::Refused(_) => Answer::error(409, &outcome.words()),
             _ => Answer::error(503, &outcome.words()),
         }
@@ -343,6 +349,19 @@ impl Site {
         self.has_header(request)
             || query.is_some_and(|token| same(token.as_bytes(), self.token.as_bytes()))
     }
+}
+
+/// The start that a body asks for.
+pub fn read_start(body: &[u8]) -> Option<Command> {
+    Command::start(&serde_json::from_slice(body).ok()?)
+}
+
+/// The stop that a body asks for: of all targets, if it is empty.
+pub fn read_stop(body: &[u8]) -> Option<Command> {
+    if body.is_empty() {
+        return Some(Command::Stop { id: None });
+    }
+    Command::stop(&serde_json::from_slice(body).ok()?)
 }
 
 /// Takes what was sent in vain, so that the answer is not lost with the connection.

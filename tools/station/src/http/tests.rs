@@ -17,6 +17,21 @@ fn tokens_are_compared_and_checked() {
 }
 
 #[test]
+fn stop_is_of_all_targets_unless_it_names_one() {
+    for (body, expected) in [
+        ("", Some(None)),
+        ("{}", Some(None)),
+        (r#"{"target": 2}"#, Some(Some(2))),
+        (r#"{"target": "2"}"#, None),
+        ("nonsense", None),
+    ] {
+        let stop = expected.map(|id| Command::Stop { id });
+
+        assert_eq!(read_stop(body.as_bytes()), stop, "{body}");
+    }
+}
+
+#[test]
 fn token_is_read_from_a_file() {
     let path = std::env::temp_dir().join(format!("station-token-{}", std::process::id()));
     let options = HttpOptions {

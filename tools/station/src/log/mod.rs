@@ -3,7 +3,7 @@
 //! | line | what it says |
 //! |---|---|
 //! | the first | the program, its input and its model; `continues` names the file before it |
-//! | with `frame` | commands at this frame, time since the one before, searches made, box found |
+//! | with `frame` | commands at this frame, time since the one before, searches made, box found; where several targets can be followed, `targets` lists the latter for each |
 //! | with `source` | the source's health has changed |
 //! | with `continued` | the log goes on in this file |
 //!
@@ -23,14 +23,14 @@ use serde_json::{Value, json};
 use crate::error::Error;
 use crate::health::Health;
 use crate::picture::{FrameBox, Picture};
-use crate::report::Report;
+use crate::report::{Followed, Report, TargetId, Tracked};
 use crate::say::say;
 use frames::Saver;
 pub use frames::frame_name;
-pub use reader::{Entry, Reader};
+pub use reader::{Entry, Found, Reader};
 
-/// Version of the lines that are written; older ones are read as well.
-pub const VERSION: u64 = 3;
+/// Newest version of the lines; older ones are read as well.
+pub const VERSION: u64 = 4;
 
 /// Most files of one name.
 const MAX_FILES: usize = 10_000;
@@ -60,9 +60,20 @@ pub enum Asked {
         bbox: FrameBox,
         /// The earlier frame in which it was drawn; `None` for this one.
         at: Option<u64>,
+        /// The number of the target.
+        id: TargetId,
     },
-    /// To follow nothing.
-    Stop,
+    /// To stop following.
+    Stop {
+        /// The number of the target; `None` for all.
+        id: Option<TargetId>,
+    },
+}
+
+/// Version of the lines for so many targets: those of one target are of an older version, which
+/// older programs read.
+pub fn version(room: usize) -> u64 {
+    if room > 1 { VERSION } else { 3 }
 }
 
 /// A flight log.
@@ -128,7 +139,8 @@ impl Log {
 
     /// Adds a frame; a failure is said once.
     pub fn add(&mut self, asked: &[Asked], report: &Report, picture: &Picture) {
-        let asked: Vec<Value> = asked.iter().map(|asked| asked.to_json()).collect();
+        let tells_ids = report.tells_ids();
+        let asked: Vec<Value> = asked.iter().map(|asked| asked.to_json(tells_ids)).collect();
         let mut line = json!({
             "frame": report.frame,
             "time_ms": report.time_ms,
@@ -137,10 +149,10 @@ impl Log {
             "state": report.state(),
             "latency_ms": report.latency_ms,
         });
-        if let Some(track) = &report.track {
-            line["box"] = exact(&track.bbox);
-            line["presence"] = track.presence.map_or(Value::Null, |p| f64::from(p).into());
-            line["searches"] = track.searches.into();
+        if tells_ids {
+            line["targets"] = report.targets.iter().map(found).collect();
+        } else if let Some(target) = report.first() {
+            tell(&mut line, &target.track);
         }
         if let Some(saver) = &mut self.saver {
             line["saved"] = saver.save(report.frame, picture).into();
@@ -352,23 +364,58 @@ fn is_log(path: &Path) -> bool {
 }
 
 impl Asked {
-    fn to_json(self) -> Value {
+    fn to_json(self, tells_ids: bool) -> Value {
         match self {
-            Asked::Start { bbox, at: None } => json!({ "start": exact(&bbox) }),
-            Asked::Start { bbox, at } => json!({ "start": exact(&bbox), "at": at }),
-            Asked::Stop => json!("stop"),
+            Asked::Start { bbox, at, id } => {
+                let mut value = json!({ "start": exact(&bbox) });
+                if let Some(at) = at {
+                    value["at"] = at.into();
+                }
+                if tells_ids {
+                    value["target"] = id.into();
+                }
+                value
+            }
+            Asked::Stop { id: Some(id) } if tells_ids => json!({ "stop": id }),
+            Asked::Stop { .. } => json!("stop"),
         }
     }
 
     fn from_json(value: &Value) -> Option<Asked> {
         if value == "stop" {
-            return Some(Asked::Stop);
+            return Some(Asked::Stop { id: None });
+        }
+        if let Some(id) = value.get("stop") {
+            let id = Some(read_id(id)?);
+            return Some(Asked::Stop { id });
         }
         Some(Asked::Start {
             bbox: read_box(value.get("start")?)?,
             at: value.get("at").and_then(Value::as_u64),
+            id: value.get("target").map_or(Some(1), read_id)?,
         })
     }
+}
+
+/// What is written of one target among several.
+fn found(target: &Followed) -> Value {
+    let mut value = json!({ "target": target.id, "state": target.track.state.name() });
+    tell(&mut value, &target.track);
+    value
+}
+
+/// Writes where a target is.
+fn tell(value: &mut Value, track: &Tracked) {
+    value["box"] = exact(&track.bbox);
+    value["presence"] = track.presence.map_or(Value::Null, |p| f64::from(p).into());
+    value["searches"] = track.searches.into();
+}
+
+/// The number of a target.
+fn read_id(value: &Value) -> Option<TargetId> {
+    TargetId::try_from(value.as_u64()?)
+        .ok()
+        .filter(|id| *id > 0)
 }
 
 /// A box whose numbers read back to the same bits: every f32 is exactly an f64, written in full.

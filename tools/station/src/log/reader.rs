@@ -7,9 +7,10 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::{Asked, MAX_FILES, VERSION, read_box};
+use super::{Asked, MAX_FILES, VERSION, read_box, read_id};
 use crate::error::Error;
 use crate::picture::FrameBox;
+use crate::report::TargetId;
 
 /// Longest line that is read.
 const MAX_LINE: u64 = 1 << 16;
@@ -23,29 +24,53 @@ pub struct Entry {
     pub elapsed: Option<Duration>,
     /// What was asked for, in this order.
     pub asked: Vec<Asked>,
+    /// The targets that were found, by rising number.
+    pub found: Vec<Found>,
+}
+
+/// One target in a frame's line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Its number.
+    pub id: TargetId,
+    /// Its box.
+    pub bbox: FrameBox,
     /// Searches made.
     pub searches: u32,
-    /// The box found.
-    pub bbox: Option<FrameBox>,
+}
+
+impl Found {
+    fn from_json(value: &Value, id: TargetId) -> Option<Found> {
+        let searches = match value["searches"].as_u64() {
+            Some(searches) => u32::try_from(searches).ok()?,
+            None => 0,
+        };
+        Some(Found {
+            id,
+            bbox: read_box(&value["box"])?,
+            searches,
+        })
+    }
 }
 
 impl Entry {
     fn from_json(line: &Value) -> Option<Entry> {
         let asked = line["asked"].as_array()?.iter().map(Asked::from_json);
-        let bbox = match &line["box"] {
-            Value::Null => None,
-            value => Some(read_box(value)?),
-        };
-        let searches = match line["searches"].as_u64() {
-            Some(searches) => u32::try_from(searches).ok()?,
-            None => 0,
-        };
+        let mut found = Vec::new();
+        match line.get("targets") {
+            Some(targets) => {
+                for target in targets.as_array()? {
+                    found.push(Found::from_json(target, read_id(&target["target"])?)?);
+                }
+            }
+            None if line["box"].is_null() => {}
+            None => found.push(Found::from_json(line, 1)?),
+        }
         Some(Entry {
             frame: line["frame"].as_u64()?,
             elapsed: line["elapsed_us"].as_u64().map(Duration::from_micros),
             asked: asked.collect::<Option<_>>()?,
-            searches,
-            bbox,
+            found,
         })
     }
 }

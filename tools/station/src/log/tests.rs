@@ -76,13 +76,67 @@ fn box_reads_back_to_the_same_bits() {
 fn commands_read_back() {
     let bbox = FrameBox::new(1.5, 2.0, 3.0, 4.0);
     for asked in [
-        Asked::Start { bbox, at: None },
-        Asked::Start { bbox, at: Some(7) },
-        Asked::Stop,
+        Asked::Start {
+            bbox,
+            at: None,
+            id: 1,
+        },
+        Asked::Start {
+            bbox,
+            at: Some(7),
+            id: 2,
+        },
+        Asked::Stop { id: None },
+        Asked::Stop { id: Some(2) },
     ] {
-        assert_eq!(Asked::from_json(&asked.to_json()), Some(asked));
+        assert_eq!(Asked::from_json(&asked.to_json(true)), Some(asked));
     }
-    assert_eq!(Asked::from_json(&json!(7)), None);
+    let only = Asked::Stop { id: Some(1) };
+    assert_eq!(only.to_json(false), json!("stop"));
+    for wrong in [json!(7), json!({ "stop": 0 }), json!({ "stop": "all" })] {
+        assert_eq!(Asked::from_json(&wrong), None, "{wrong}");
+    }
+}
+
+#[test]
+fn found_targets_read_back() {
+    let folder = Folder::new("targets");
+    for (name, room, ids) in [
+        ("one", 1, &[1][..]),
+        ("three", 3, &[1, 3]),
+        ("none", 3, &[]),
+    ] {
+        let path = folder.0.join(format!("{name}.jsonl"));
+        let followed = |id: &TargetId| Followed {
+            id: *id,
+            start: 1,
+            track: Tracked {
+                searches: 5,
+                ..Tracked::certain(FrameBox::new(*id as f32, 0.1, 3.0, 4.0))
+            },
+        };
+        let report = Report {
+            room,
+            targets: ids.iter().map(followed).collect(),
+            ..report(8)
+        };
+        let options = LogOptions {
+            path: path.clone(),
+            ..folder.options()
+        };
+        let mut log = Log::create(options, head()).unwrap();
+        log.add(&[], &report, &picture());
+        log.finish();
+
+        let read = Reader::open(&path).unwrap().next().unwrap().unwrap();
+
+        let expected = report.targets.iter().map(|target| Found {
+            id: target.id,
+            bbox: target.track.bbox,
+            searches: 5,
+        });
+        assert_eq!(read.found, expected.collect::<Vec<_>>(), "{name}");
+    }
 }
 
 #[test]

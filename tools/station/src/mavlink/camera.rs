@@ -2,7 +2,8 @@
 //! <https://mavlink.io/en/services/camera.html>.
 //!
 //! Questions are answered to every system; only allowed ones may start, stop and set intervals.
-//! A start or stop is acknowledged once the tracking thread has carried it out.
+//! A start or stop is acknowledged once the tracking thread has carried it out. The protocol knows
+//! one target: a start is for [`FIRST`], a stop for all, and the status tells of the lowest.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -17,9 +18,11 @@ use super::unknown::Unknown;
 use crate::command::{Command, Outcome, Receipt, Target};
 use crate::health::Health;
 use crate::hub::Hub;
-use crate::report::{Freshness, State, View};
+use crate::report::{Freshness, State, TargetId, View};
 use crate::say::say;
 
+/// The target that ground stations start.
+const FIRST: TargetId = 1;
 /// How long a command may take before the client is told that it is in progress.
 const PROGRESS: Duration = Duration::from_millis(250);
 /// Most commands that wait for their outcome.
@@ -145,6 +148,7 @@ impl Camera {
         let start = |target| Command::Start {
             target,
             frame: None,
+            id: Some(FIRST),
         };
         let (order, by_point) = match command {
             MavCmd::MAV_CMD_CAMERA_TRACK_RECTANGLE => (start(Target::Rectangle(p)), Some(false)),
@@ -152,7 +156,7 @@ impl Camera {
                 let [x, y, ..] = p;
                 (start(Target::Point { x, y, radius }), Some(true))
             }
-            MavCmd::MAV_CMD_CAMERA_STOP_TRACKING => (Command::Stop, None),
+            MavCmd::MAV_CMD_CAMERA_STOP_TRACKING => (Command::Stop { id: None }, None),
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL if p[0] as u32 == CAMERA_TRACKING_IMAGE_STATUS => {
                 if !self.may_control(from) {
                     return Some(MavResult::MAV_RESULT_DENIED);
@@ -290,7 +294,7 @@ impl Camera {
         let by_point = &mut self.by_point;
         self.pending.retain_mut(|waiting| {
             let result = match waiting.receipt.outcome() {
-                Some(Outcome::Done) => MavResult::MAV_RESULT_ACCEPTED,
+                Some(Outcome::Done | Outcome::Started(_)) => MavResult::MAV_RESULT_ACCEPTED,
                 Some(Outcome::Refused(_)) => MavResult::MAV_RESULT_DENIED,
                 Some(_) => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
                 None if !waiting.is_told && now >= waiting.since + PROGRESS => {
@@ -427,7 +431,7 @@ pub fn heartbeat(health: Health) -> MavMessage {
     })
 }
 
-/// Where the target is, in shares of the frame.
+/// Where the first target is, in shares of the frame.
 ///
 /// Idle while nothing is followed. A stale report says COASTING at most; once frames have stopped,
 /// or while the target is lost, it is an error.
@@ -446,9 +450,10 @@ pub fn status(view: &View, by_point: bool) -> MavMessage {
         target_data: CameraTrackingTargetData::CAMERA_TRACKING_TARGET_DATA_IN_STATUS,
     };
     let report = &view.report;
-    let (Some(track), (w @ 1.., h @ 1..)) = (&report.track, report.size) else {
+    let (Some(target), (w @ 1.., h @ 1..)) = (report.first(), report.size) else {
         return MavMessage::CAMERA_TRACKING_IMAGE_STATUS(data);
     };
+    let track = &target.track;
     let coasting =
         Flags::CAMERA_TRACKING_STATUS_FLAGS_ACTIVE | Flags::CAMERA_TRACKING_STATUS_FLAGS_COASTING;
     data.tracking_status = match (view.freshness, track.state) {

@@ -1,7 +1,7 @@
 use super::*;
 use crate::hub::Limits;
 use crate::picture::{FrameBox, Picture};
-use crate::report::{Report, Tracked};
+use crate::report::{Followed, Report, Tracked};
 
 const PEER: Peer = 1;
 /// One peer, which gets no telemetry.
@@ -22,9 +22,14 @@ fn camera_without_frames(options: MavlinkOptions) -> (Camera, Arc<Hub>) {
 
 fn publish(hub: &Hub, size: (usize, usize), track: Option<Tracked>) {
     let picture = Picture::dot();
+    let targets = track.into_iter().map(|track| Followed {
+        id: FIRST,
+        start: 1,
+        track,
+    });
     let report = Report {
         size,
-        track,
+        targets: targets.collect(),
         taken: Some(Instant::now()),
         ..Report::default()
     };
@@ -211,13 +216,14 @@ fn points_stops_and_nonsense_are_told_apart() {
     let point = Command::Start {
         target,
         frame: None,
+        id: Some(FIRST),
     };
     let taken: Vec<Command> = hub
         .take_commands(true)
         .iter()
         .map(|pending| pending.command)
         .collect();
-    assert_eq!(taken, [point, Command::Stop]);
+    assert_eq!(taken, [point, Command::Stop { id: None }]);
     assert_eq!(
         result(&later(&mut camera, &hub)),
         MavResult::MAV_RESULT_DENIED

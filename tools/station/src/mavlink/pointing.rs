@@ -1,4 +1,4 @@
-//! What follows the target with metal: gimbal rates by a PI controller, and the angles for a
+//! What follows the first target with metal: gimbal rates by a PI controller, and the angles for a
 //! precise landing.
 //!
 //! Nothing moves by a report that is not fresh: rates go to zero, control of the gimbal is given
@@ -122,36 +122,42 @@ impl Pointing {
     pub fn due(&mut self, now: Instant, view: &View, is_new: bool) -> Vec<MavMessage> {
         let mut out = Vec::new();
         let report = &view.report;
-        let target = view.track().filter(|track| track.state != State::Lost);
-        let at = target.map(|track| angles(&track.bbox, report.size, self.hfov));
+        let target = view
+            .first()
+            .filter(|target| target.track.state != State::Lost);
+        let at = target.map(|target| angles(&target.track.bbox, report.size, self.hfov));
         if self.landing_target
             && is_new
-            && let (Some(track), Some(at)) = (target.filter(|track| track.state.is_seen()), at)
+            && let (Some(target), Some(at)) = (target, at)
+            && target.track.state.is_seen()
         {
-            out.push(self.landing(track.bbox, report, at));
+            out.push(self.landing(target.track.bbox, report, at));
         }
         if self.gimbal && self.next.is_none_or(|next| now >= next) {
             self.next = Some(now + PERIOD);
-            match at {
-                Some(at) => self.follow(now, at, report.starts, &mut out),
+            match target.zip(at) {
+                Some((target, at)) => {
+                    let chosen = (target.start, report.starts);
+                    self.follow(now, at, chosen, &mut out);
+                }
                 None => self.rest(&mut out),
             }
         }
         out
     }
 
-    /// Turns toward a target, unless the gimbal is another's.
+    /// Turns toward a target, unless the gimbal is another's; `start` is the target's, of `starts`.
     fn follow(
         &mut self,
         now: Instant,
         (right, down): (f64, f64),
-        starts: u64,
+        (start, starts): (u64, u64),
         out: &mut Vec<MavMessage>,
     ) {
         let ours = (self.system, self.component);
         let is_taken = self.owner != (0, 0) && self.owner != ours;
         match self.control {
-            Control::Theirs { starts: before } if starts == before && is_taken => return,
+            Control::Theirs { starts: before } if start <= before && is_taken => return,
             Control::Ours { since } if is_taken && now > since + GRACE => {
                 let (system, component) = self.owner;
                 say!(
@@ -260,7 +266,7 @@ impl Pointing {
 mod tests {
     use super::*;
     use crate::health::Health;
-    use crate::report::{Freshness, Tracked};
+    use crate::report::{Followed, Freshness, Tracked};
     use std::sync::Arc;
 
     fn pointing() -> Pointing {
@@ -280,7 +286,12 @@ mod tests {
         };
         let report = Report {
             size: (640, 480),
-            track: Some(track),
+            targets: vec![Followed {
+                id: 1,
+                start: 1,
+                track,
+            }],
+            starts: 1,
             ..Report::default()
         };
         View {
@@ -407,7 +418,7 @@ mod tests {
         }
 
         let mut chosen = seen.clone();
-        Arc::make_mut(&mut chosen.report).starts += 1;
+        Arc::make_mut(&mut chosen.report).targets[0].start += 1;
         now += PERIOD;
         let messages = pointing.due(now, &chosen, true);
         assert_eq!(control(&messages), Some(1.0));
