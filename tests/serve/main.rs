@@ -9,6 +9,7 @@
 //! | `page.rs` | the web page |
 //! | `video.rs` | the video with boxes burnt in |
 //! | `targets.rs` | several targets at a time |
+//! | `pick.rs` | the box of `track`, drawn on the web page |
 //! | `support.rs` | running programs, a camera on a pipe, a ground station |
 
 #![cfg(all(feature = "serve", unix))]
@@ -18,6 +19,7 @@ mod faults;
 mod log;
 mod mavlink;
 mod page;
+mod pick;
 mod support;
 mod targets;
 mod video;

@@ -195,7 +195,8 @@ impl PipeCamera {
         self.repeats.store(on, Ordering::Relaxed);
     }
 
-    fn frame() -> Vec<u8> {
+    /// Its picture: 160 x 120 pixels in gray.
+    pub fn frame() -> Vec<u8> {
         let mut frame = Vec::new();
         for y in 0..120usize {
             for x in 0..160usize {
@@ -399,6 +400,13 @@ impl Page {
         Page {
             address: format!("127.0.0.1:{}", free_tcp_port()),
         }
+    }
+
+    /// The page at an address with a token, such as a program says.
+    pub fn at(url: &str) -> (Page, String) {
+        let (address, token) = url.split_once("/#").expect("a token");
+        let address = address.replace("http://", "");
+        (Page { address }, token.into())
     }
 
     pub fn options(&self) -> [&str; 4] {

@@ -23,7 +23,14 @@ fn two_targets_are_followed_as_each_alone_and_replayed() {
     let [first, second] = BOXES;
 
     let both = fly(&[
-        "--targets", "3", "--init", first, "--init", second, "--log", &log,
+        "--targets",
+        "3",
+        "--init",
+        first,
+        "--init",
+        second,
+        "--log",
+        &log,
     ]);
     let alone = BOXES.map(|target| fly(&["--init", target]));
 
@@ -104,6 +111,9 @@ fn more_boxes_than_targets_are_refused() {
     ]);
 
     let said = String::from_utf8_lossy(&refused.stderr);
-    assert!(said.contains("2 boxes, expected no more than --targets"), "{said}");
+    assert!(
+        said.contains("2 boxes, expected no more than --targets"),
+        "{said}"
+    );
     assert_eq!(refused.status.code(), Some(6));
 }

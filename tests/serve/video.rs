@@ -1,4 +1,4 @@
-//! The video with boxes burnt in.
+//! The video with boxes burnt in, of `serve` and `track`.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -40,22 +40,61 @@ fn film_holds_the_frames_with_their_boxes_and_keeps_an_earlier_one() {
     std::thread::sleep(Duration::from_secs(4));
 
     assert_eq!(serving.end(), Some(0));
-    let mut count = 0;
-    let mut amber = 0;
-    for image in Source::open(&Input::new(&place)).unwrap() {
-        let image = image.unwrap();
-        assert_eq!((image.width, image.height), (320, 180));
-        count += 1;
-        let is_amber = |p: &&[u8]| p[0] > 200 && (140..230).contains(&p[1]) && p[2] < 90;
-        amber += image.data.chunks_exact(3).filter(is_amber).count();
-    }
-
+    let (count, amber) = count_boxes(&place, (320, 180));
     assert!(count > 5, "{count} frames");
     assert!(
         amber > 100 * count,
         "{amber} pixels of boxes in {count} frames"
     );
     assert_eq!(std::fs::read(&path).unwrap(), b"earlier");
+}
+
+/// Number of frames of a film, and of pixels of boxes in them.
+fn count_boxes(film: &str, size: (usize, usize)) -> (usize, usize) {
+    let mut count = 0;
+    let mut amber = 0;
+    for image in Source::open(&Input::new(film)).unwrap() {
+        let image = image.unwrap();
+        assert_eq!((image.width, image.height), size);
+        count += 1;
+        let is_amber = |p: &&[u8]| p[0] > 200 && (140..230).contains(&p[1]) && p[2] < 90;
+        amber += image.data.chunks_exact(3).filter(is_amber).count();
+    }
+    (count, amber)
+}
+
+#[test]
+fn film_of_track_holds_every_frame() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = Folder::new("film-of-track");
+    let clip = folder.file("clip.y4m");
+    let mut frames = b"YUV4MPEG2 W160 H120 F30:1 Cmono\n".to_vec();
+    for _ in 0..40 {
+        frames.extend_from_slice(b"FRAME\n");
+        frames.extend_from_slice(&PipeCamera::frame());
+    }
+    std::fs::write(&clip, frames).unwrap();
+    let film = folder.file("film.mkv");
+    let args = ["track", "--input", &clip, "--init", "110,72,24,24"];
+    let encoder = ["--video-args", "-c:v mjpeg -pix_fmt yuvj420p -q:v 2"];
+    let video = ["--mode", "flight", "--fps", "20", "--video-out"];
+
+    let tracked = run(&[&args[..], &video, &[&film], &encoder].concat());
+    let wrong = run(&[&args[..], &video, &[&folder.file("x.none")]].concat());
+    let clash = run(&[&args[..], &video, &[&clip]].concat());
+
+    let said = String::from_utf8_lossy(&tracked.stderr);
+    assert!(tracked.status.success(), "{said}");
+    assert!(said.contains("video: 40 frames, 0 dropped"), "{said}");
+    let (count, amber) = count_boxes(&film, (160, 120));
+    assert_eq!(count, 40);
+    assert!(amber > 50 * count, "{amber} pixels of boxes");
+    let said = String::from_utf8_lossy(&wrong.stderr);
+    assert_eq!(wrong.status.code(), Some(5), "{said}");
+    assert!(said.contains("--video-out"), "{said}");
+    assert_eq!(clash.status.code(), Some(2));
 }
 
 #[test]

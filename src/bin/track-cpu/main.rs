@@ -16,6 +16,7 @@ mod info;
 mod machine;
 mod overlay;
 mod painter;
+mod pictures;
 mod report;
 mod selftest;
 #[cfg(feature = "serve")]

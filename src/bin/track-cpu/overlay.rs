@@ -96,13 +96,7 @@ impl Canvas {
             y1 + t + self.unit
         };
         self.fill([x, y, x + w, y + h], BLACK, 0.6);
-        self.text(
-            x + 2 * self.unit,
-            y + 2 * self.unit,
-            text,
-            self.unit,
-            WHITE,
-        );
+        self.text(x + 2 * self.unit, y + 2 * self.unit, text, self.unit, WHITE);
         let Some(score) = score else {
             return;
         };

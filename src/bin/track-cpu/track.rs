@@ -12,9 +12,8 @@ use track_cpu::source::{BadFrames, Image, Input, OnBadFrame, Prefetch, Source};
 
 use crate::args::track::TrackArgs;
 use crate::exit::Failure;
-use crate::film::Film;
 use crate::follow::{Follower, Found};
-use crate::painter::Painter;
+use crate::pictures::Pictures;
 use crate::report::{progress, rounded};
 use crate::statistics::Times;
 
@@ -46,28 +45,29 @@ pub fn run(args: &TrackArgs) -> Result<(), Failure> {
         args,
         tracker: Follower::new(model, args)?,
         boxes: Boxes::create(args.out.as_deref(), args.json)?,
-        painter: args.overlay.as_deref().map(Painter::create).transpose()?,
         bad: BadFrames::new(args.bad_frames.on_bad_frame),
         size: None,
+        asking: Duration::ZERO,
         times: Vec::new(),
     };
 
+    let mut pictures = Pictures::create(args)?;
     let began = Instant::now();
-    let done = run.follow(&mut Prefetch::new(source, AHEAD), &bar);
+    let done = run.follow(&mut Prefetch::new(source, AHEAD), &mut pictures, &bar);
     bar.finish_and_clear();
-    let filmed = run.painter.take().map_or(Ok(()), Painter::finish);
+    let filmed = pictures.finish();
     if !matches!(done, Err(Failure::ClosedPipe)) && !run.times.is_empty() {
-        run.summarize(began.elapsed());
+        run.summarize(began.elapsed().saturating_sub(run.asking));
     }
     done.and(filmed).and(run.complete())
 }
 
 /// Refuses outputs that would destroy an input.
 fn check(args: &TrackArgs, source: &Source) -> Result<(), Failure> {
-    let film = args.overlay.as_deref().map(Film::first_file);
+    let pictures = Pictures::files(args);
     let mut outputs: Vec<(&str, &Path)> = Vec::new();
     outputs.extend(args.out.as_deref().map(|path| ("--out", path)));
-    outputs.extend(film.as_deref().map(|path| ("--overlay", path)));
+    outputs.extend(pictures.iter().map(|(option, path)| (*option, &**path)));
     let mut inputs: Vec<&Path> = source
         .places()
         .iter()
@@ -82,26 +82,35 @@ struct Run<'a> {
     args: &'a TrackArgs,
     tracker: Follower,
     boxes: Boxes,
-    painter: Option<Painter>,
     bad: BadFrames,
     size: Option<(usize, usize)>, // of the frame before
+    asking: Duration,             // until the box was drawn
     times: Vec<Duration>,         // of every frame but the first
 }
 
 impl Run<'_> {
     /// From the first frame to the last: frame, box, line, picture.
-    fn follow(&mut self, frames: &mut Prefetch, bar: &ProgressBar) -> Result<(), Failure> {
+    fn follow(
+        &mut self,
+        frames: &mut Prefetch,
+        pictures: &mut Pictures,
+        bar: &ProgressBar,
+    ) -> Result<(), Failure> {
         let mut index = self.args.start;
         let Some(first) = frames.next() else {
             return Ok(()); // a source has a frame or gives an error
         };
         let first = first.map_err(Failure::at_frame(index))?;
         self.see_size(index, &first);
+        let init = match self.args.init {
+            Some(init) => init,
+            None => self.ask(&first)?,
+        };
         let started = Instant::now();
-        let mut found = self.tracker.start(&first.frame(), self.args.init)?;
-        self.see_box();
+        let mut found = self.tracker.start(&first.frame(), init)?;
+        self.see_box(init);
         self.boxes.write(index, &found, started.elapsed())?;
-        let mut is_painting = self.paint(index, first, found, frames);
+        let mut is_painting = pictures.add(index, first, found, frames);
         let mut steps = 0; // from the last frame that could be read
         bar.inc(1);
 
@@ -117,7 +126,7 @@ impl Run<'_> {
                     let took = started.elapsed();
                     self.times.push(took);
                     self.boxes.write(index, &found, took)?;
-                    is_painting = self.paint(index, image, found, frames);
+                    is_painting = pictures.add(index, image, found, frames);
                 }
                 Err(error) => {
                     let bad = self.bad.pass(error).map_err(Failure::at_frame(index))?;
@@ -136,17 +145,27 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Has a frame drawn, or gives its buffer back; `false` if the film has failed.
-    fn paint(&self, index: usize, image: Image, found: Found, frames: &Prefetch) -> bool {
-        let Some(painter) = &self.painter else {
-            frames.recycle(image);
-            return true;
-        };
-        let is_painting = painter.add(index, image, found);
-        for image in painter.drawn() {
-            frames.recycle(image);
-        }
-        is_painting
+    /// Asks for the box on a web page, and names it so that the run can be repeated.
+    #[cfg(feature = "serve")]
+    fn ask(&mut self, first: &Image) -> Result<BBox, Failure> {
+        let began = Instant::now();
+        let init = crate::serve::pick::ask(first, |init| {
+            let started = self.tracker.start(&first.frame(), init);
+            started.map(|_| ()).map_err(|error| error.to_string())
+        })?;
+        let BBox { x, y, w, h } = init;
+        eprintln!("note: --init {x},{y},{w},{h}");
+        self.asking = began.elapsed();
+        Ok(init)
+    }
+
+    /// Refuses to go on: a program without a web page demands the box on its command line.
+    #[cfg(not(feature = "serve"))]
+    fn ask(&mut self, _: &Image) -> Result<BBox, Failure> {
+        Err(Failure::Output {
+            output: "--init".into(),
+            reason: "expected a box".into(),
+        })
     }
 
     /// Reports a frame whose size differs from that of the frame before.
@@ -160,11 +179,11 @@ impl Run<'_> {
     }
 
     /// Reports a box most of which lies outside of the first frame: a typing error, perhaps.
-    fn see_box(&self) {
+    fn see_box(&self, init: BBox) {
         let Some((width, height)) = self.size else {
             return;
         };
-        let BBox { x, y, w, h } = self.args.init;
+        let BBox { x, y, w, h } = init;
         let inside_w = (x + w).min(width as f32) - x.max(0.0);
         let inside_h = (y + h).min(height as f32) - y.max(0.0);
         if inside_w * inside_h < 0.5 * w * h {

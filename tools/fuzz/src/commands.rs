@@ -1,8 +1,10 @@
-//! JSON that strangers send or leave: bodies of `/start`, lines of commands, and flight logs.
+//! JSON that strangers send or leave: bodies of `/start` and `/stop`, lines of commands, and flight
+//! logs.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use station::commands::Request;
+use station::http::{read_start, read_stop};
 use station::log::Reader;
 use station::{Command, Target};
 use std::path::PathBuf;
@@ -17,7 +19,8 @@ fuzz_target!(|bytes: &[u8]| {
         Ok(Request::Command(command)) => Some(command),
         _ => None,
     };
-    for command in Command::from_json(bytes).into_iter().chain(line) {
+    let bodies = [read_start(bytes), read_stop(bytes), line];
+    for command in bodies.into_iter().flatten() {
         if command.check().is_ok()
             && let Command::Start { target, .. } = command
             && let Ok(bbox) = Target::in_frame(&target, (64, 48))

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use station::{Command, Hub, Limits, Order, Outcome, Picture, Report, Tracked};
+use station::{Command, Followed, Hub, Limits, Order, Outcome, Picture, Report, Tracked};
 
 /// Width and height of its frames.
 const SIZE: (usize, usize) = (64, 48);
@@ -31,14 +31,18 @@ fn track(hub: &Hub) {
         hub.tell(|pulse| pulse.frame(Instant::now()));
         for pending in hub.take_commands(true) {
             let outcome = match pending.command {
-                Command::Stop => {
+                Command::Stop { .. } => {
                     target = None;
                     Outcome::Done
                 }
                 Command::Start { target: asked, .. } => match asked.in_frame(SIZE) {
                     Ok(bbox) => {
-                        target = Some(Tracked::certain(bbox));
-                        Outcome::Done
+                        target = Some(Followed {
+                            id: 1,
+                            start: frame,
+                            track: Tracked::certain(bbox),
+                        });
+                        Outcome::Started(1)
                     }
                     Err(reason) => Outcome::Refused(reason),
                 },
@@ -48,7 +52,8 @@ fn track(hub: &Hub) {
         let report = Report {
             frame,
             size: SIZE,
-            track: target.clone(),
+            room: 2,
+            targets: target.iter().cloned().collect(),
             taken: Some(Instant::now()),
             ..Report::default()
         };

@@ -93,8 +93,8 @@ pub enum Command {
 
 impl Command {
     /// Reads a start: `{"rectangle": [left, top, right, bottom]}` or `{"point": [x, y]}` in shares
-    /// of the frame, or `{"box": [left, top, width, height]}` in its pixels; `"frame"`, the number of
-    /// the frame in which they were seen, and `"target"`, the number of the target, if they are
+    /// of the frame, or `{"box": [left, top, width, height]}` in its pixels; `"frame"`, the number
+    /// of the frame in which they were seen, and `"target"`, the number of the target, if they are
     /// given. Other fields are ignored.
     ///
     /// `None` if the value is anything else.

@@ -1,6 +1,7 @@
 //! The video with boxes burnt in, encoded by the user's own ffmpeg into a file or stream.
 //!
-//! A thread of its own draws and writes; a frame for which it is not ready is dropped and counted.
+//! A thread of its own draws and writes; a frame for which it is not ready is dropped and counted,
+//! unless every frame is wanted.
 //! ffmpeg reads its frames from our pipe, so it ends with us.
 
 use std::ffi::OsString;
@@ -20,7 +21,6 @@ use crate::hub::lock;
 use crate::picture::Picture;
 use crate::report::Report;
 use crate::say::say;
-use crate::slot::Slot;
 
 /// Frames that may wait to be drawn.
 const MAX_WAITING: usize = 2;
@@ -45,6 +45,8 @@ pub struct FilmOptions {
     pub output: Output,
     /// Frames per second.
     pub rate: f64,
+    /// Whether every frame is written, at the rate and not when it comes: then adding one may wait.
+    pub every: bool,
     /// ffmpeg's options for encoder and output; empty for H.264 without delay.
     pub args: Vec<String>,
     /// What draws.
@@ -130,6 +132,7 @@ struct Shared {
     encoder: Mutex<Option<Encoder>>,
     written: AtomicU64,
     is_ending: AtomicBool,
+    failure: Mutex<Option<String>>, // the last one since a frame was written
 }
 
 /// A running ffmpeg, and the thread that reads its complaints and returns the last ones.
@@ -143,15 +146,19 @@ pub struct Film {
     jobs: SyncSender<Job>,
     thread: JoinHandle<()>,
     shared: Arc<Shared>,
+    every: bool,
     dropped: u64,
 }
 
 impl Film {
-    /// Starts the thread; pictures that are drawn go back to `slot`.
+    /// Starts the thread; it gives pictures that are drawn to `recycle`.
     ///
     /// # Errors
     /// If the file cannot be created.
-    pub fn start(options: FilmOptions, slot: Arc<Slot>) -> Result<Film, Error> {
+    pub fn start(
+        options: FilmOptions,
+        recycle: impl Fn(Picture) + Send + 'static,
+    ) -> Result<Film, Error> {
         let target = match &options.output {
             Output::File(path) => {
                 let path = free_path(path).map_err(|error| {
@@ -166,11 +173,12 @@ impl Film {
         };
         let (jobs, waiting) = sync_channel(MAX_WAITING);
         let shared = Arc::<Shared>::default();
+        let every = options.every;
         let writer = Writer {
             options,
             target,
             shared: Arc::clone(&shared),
-            slot,
+            recycle: Box::new(recycle),
             size: None,
             retry: Instant::now(),
             wait: RETRY.0,
@@ -181,13 +189,18 @@ impl Film {
             jobs,
             thread,
             shared,
+            every,
             dropped: 0,
         })
     }
 
     /// Has a frame drawn and written; a picture for which there is no room is given back.
     pub fn add(&mut self, picture: Picture, report: Report) -> Option<Picture> {
-        match self.jobs.try_send(Job { picture, report }) {
+        let job = Job { picture, report };
+        if self.every {
+            return self.jobs.send(job).err().map(|unsent| unsent.0.picture);
+        }
+        match self.jobs.try_send(job) {
             Ok(()) => None,
             Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) => {
                 self.dropped += 1;
@@ -196,12 +209,16 @@ impl Film {
         }
     }
 
-    /// Ends the video, and its encoder by force if it does not end by itself.
-    pub fn finish(self) {
-        self.shared.is_ending.store(true, Ordering::Relaxed);
+    /// Ends the video; unless every frame is wanted, its encoder by force if it does not end by
+    /// itself.
+    ///
+    /// # Errors
+    /// If the video lacks its last frames, or all of them.
+    pub fn finish(self) -> Result<(), String> {
+        self.shared.is_ending.store(!self.every, Ordering::Relaxed);
         drop(self.jobs);
         let until = Instant::now() + PATIENCE;
-        while !self.thread.is_finished() && Instant::now() < until {
+        while !self.thread.is_finished() && (self.every || Instant::now() < until) {
             std::thread::sleep(Duration::from_millis(10));
         }
         if let Some(encoder) = lock(&self.shared.encoder).as_mut() {
@@ -213,6 +230,7 @@ impl Film {
             self.shared.written.load(Ordering::Relaxed),
             self.dropped
         );
+        lock(&self.shared.failure).take().map_or(Ok(()), Err)
     }
 }
 
@@ -221,7 +239,7 @@ struct Writer {
     options: FilmOptions,
     target: OsString,
     shared: Arc<Shared>,
-    slot: Arc<Slot>,
+    recycle: Box<dyn Fn(Picture) + Send>,
     size: Option<(usize, usize)>, // that of the first frame, which all others get
     retry: Instant,
     wait: Duration,
@@ -249,10 +267,11 @@ impl Writer {
                     self.give_up(&error.to_string());
                 } else {
                     self.shared.written.fetch_add(1, Ordering::Relaxed);
+                    *lock(&self.shared.failure) = None;
                     self.wait = RETRY.0;
                 }
             }
-            self.slot.recycle(job.picture);
+            (self.recycle)(job.picture);
         }
         // The end of its input makes the encoder complete what it writes.
         drop(pipe);
@@ -294,15 +313,13 @@ impl Writer {
         let rate = self.options.rate.to_string();
         let mut command = (self.options.ffmpeg)();
         command.args(["-hide_banner", "-loglevel", "error", "-y"]);
-        // Live frames come when they come: the clock stamps them, and the rate is kept behind it.
-        command.args([
-            "-use_wallclock_as_timestamps",
-            "1",
-            "-f",
-            "rawvideo",
-            "-pix_fmt",
-            "rgb24",
-        ]);
+        if !self.options.every {
+            // Live frames come when they come: the clock stamps them; the rate is kept behind it.
+            command.args(["-use_wallclock_as_timestamps", "1"]);
+        } else if matches!(self.options.output, Output::Stream { .. }) {
+            command.arg("-re"); // reads no faster than the rate, as a viewer wants it
+        }
+        command.args(["-f", "rawvideo", "-pix_fmt", "rgb24"]);
         command.args([
             "-s",
             &format!("{width}x{height}"),
@@ -373,14 +390,19 @@ impl Writer {
         };
         self.wait = (2 * self.wait).min(RETRY.1);
         say!("video: {reason}; {consequence}");
+        *lock(&self.shared.failure) = Some(reason.into());
     }
 
-    fn wait_for_the_end(&self) {
+    fn wait_for_the_end(&mut self) {
         // Not held while waiting, so that the encoder can be killed meanwhile.
         loop {
             let mut encoder = lock(&self.shared.encoder);
             match encoder.as_mut().map(|encoder| encoder.child.try_wait()) {
                 Some(Ok(None)) => drop(encoder),
+                Some(Ok(Some(status))) if !status.success() => {
+                    drop(encoder);
+                    return self.give_up(&status.to_string());
+                }
                 _ => return,
             }
             std::thread::sleep(Duration::from_millis(10));
@@ -488,6 +510,7 @@ mod tests {
         let options = FilmOptions {
             output: Output::parse("rtp://127.0.0.1:9").unwrap(),
             rate: 30.0,
+            every: false,
             args: Vec::new(),
             draw: slow,
             ffmpeg: || Command::new("ffmpeg"),
@@ -498,7 +521,7 @@ mod tests {
             height: 48,
             order: Order::Gray,
         };
-        let mut film = Film::start(options, Arc::default()).unwrap();
+        let mut film = Film::start(options, |_| {}).unwrap();
 
         let began = Instant::now();
         let returned: Vec<bool> = (0..20)
@@ -513,7 +536,7 @@ mod tests {
         let dropped = returned.iter().filter(|is_returned| **is_returned).count();
         assert!(dropped >= 15, "{dropped}");
         assert_eq!(film.dropped, dropped as u64);
-        film.finish();
+        let _ = film.finish(); // nobody listens there
     }
 
     #[test]
@@ -525,13 +548,15 @@ mod tests {
         let options = FilmOptions {
             output: Output::File(path.clone()),
             rate: 30.0,
+            every: false,
             args: Vec::new(),
             draw: plain,
             ffmpeg: || Command::new("ffmpeg"),
         };
 
-        Film::start(options, Arc::default()).unwrap().finish();
+        let finished = Film::start(options, |_| {}).unwrap().finish();
 
+        assert_eq!(finished, Ok(()));
         assert_eq!(std::fs::read(&path).unwrap(), b"earlier");
         assert!(folder.join("f-1.mkv").exists());
         std::fs::remove_dir_all(folder).unwrap();

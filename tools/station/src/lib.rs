@@ -60,6 +60,7 @@
 //! | `lines.rs`, `log/`, `notify.rs`, `say.rs` | JSON lines, the flight log, systemd, standard error |
 //! | `mavlink/` | the camera that autopilots and ground stations see |
 //! | `http/` | the web page |
+//! | `pick.rs` | one picture on the web page, for a box drawn by hand |
 //! | `film.rs` | the video with boxes, encoded by ffmpeg |
 //!
 //! **Invariant:** no log, disk, link or viewer ends tracking or holds it up.
@@ -82,6 +83,7 @@ mod lines;
 pub mod log;
 pub mod mavlink;
 mod notify;
+pub mod pick;
 mod picture;
 mod report;
 mod ring;

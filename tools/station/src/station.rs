@@ -131,13 +131,18 @@ impl Station {
         if targets.room() > 1 && !options.mavlink.links.is_empty() {
             say!("mavlink: tells of, and steers by, the target of the lowest number");
         }
-        threads.extend(http::start(&options.http, &hub)?);
+        if let Some(page) = http::start(&options.http, &hub)? {
+            threads.extend(page.threads);
+        }
         threads.extend(commands::start(&options.commands, &hub, lines.printer())?);
         let slot = Arc::new(Slot::default());
         let film = options
             .film
             .clone()
-            .map(|film| Film::start(film, Arc::clone(&slot)))
+            .map(|film| {
+                let slot = Arc::clone(&slot);
+                Film::start(film, move |picture| slot.recycle(picture))
+            })
             .transpose()?;
         let feeder = feed.start(options.every_frame, Arc::clone(&slot), Arc::clone(&hub));
 
@@ -175,7 +180,7 @@ impl Station {
         }
         lines.finish();
         if let Some(film) = film {
-            film.finish();
+            let _ = film.finish(); // said already
         }
         let until = Instant::now() + FAREWELL;
         while threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < until {

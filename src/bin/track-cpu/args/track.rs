@@ -1,5 +1,6 @@
 //! The command line of `track`.
 
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use track_cpu::BBox;
@@ -7,6 +8,8 @@ use track_cpu::BBox;
 use super::input::{BadFrameArg, RawArgs};
 use super::values::{bbox, frame_rate, overlay, threshold};
 use super::{EngineArgs, Mode, ModelArg};
+#[cfg(feature = "serve")]
+use crate::serve::video::VideoArgs;
 
 /// `track`.
 #[derive(Debug, clap::Args)]
@@ -15,9 +18,11 @@ pub struct TrackArgs {
     /// Folder of images, 'glob*.jpg' (quoted), image, video file, URL, or - for standard input.
     #[arg(short, long, value_name = "INPUT")]
     pub input: PathBuf,
-    /// The object in the first frame: left, top, width, height in pixels, 0-based.
-    #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true)]
-    pub init: BBox,
+    /// The object in the first frame: left, top, width, height in pixels, 0-based. Without it, a
+    /// terminal names a web page of this machine to draw it on.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = bbox, allow_hyphen_values = true,
+        required = !can_ask(), required_if_eq("json", "true"))]
+    pub init: Option<BBox>,
     /// Which model.
     #[command(flatten)]
     pub model: ModelArg,
@@ -34,7 +39,8 @@ pub struct TrackArgs {
     /// What follows the target; in flight mode JSON lines hold presence (0 to 1) and state as well.
     #[arg(long, value_enum, default_value_t = Mode::Plain)]
     pub mode: Mode,
-    /// Frames per second, by which flight mode knows how much time goes by.
+    /// Frames per second, by which flight mode knows how much time goes by; also those of
+    /// --video-out.
     #[arg(long, value_name = "N", default_value_t = 30.0, value_parser = frame_rate)]
     pub fps: f64,
     /// A threshold of flight mode: present (0.5), sure (0.8), absent (0.01), patience (0.5 s),
@@ -56,10 +62,21 @@ pub struct TrackArgs {
     /// How the network runs.
     #[command(flatten)]
     pub engine: EngineArgs,
+    /// Video with boxes.
+    #[cfg(feature = "serve")]
+    #[command(flatten)]
+    pub video: VideoArgs,
+}
+
+/// Whether somebody at a terminal may be asked for the object.
+fn can_ask() -> bool {
+    let are_terminals = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+    are_terminals && cfg!(feature = "serve")
 }
 
 const EXAMPLES: &str = "\
 Examples:
+  track-cpu track --input flight.mp4 --out boxes.txt --overlay tracked.mp4
   track-cpu track --input seq/img --init 300,120,40,24 > boxes.txt
   track-cpu track --input 'seq/img/*.jpg' --init 300,120,40,24 --start 100 --end 200 --json
   track-cpu track --input flight.mp4 --init 300,120,40,24 --out boxes.txt --overlay tracked.mp4

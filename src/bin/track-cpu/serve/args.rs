@@ -1,20 +1,19 @@
 //! The command lines of `serve` and `replay`: clap structs and the parsing of their values.
 
-use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use serde_json::json;
 use station::commands::Place;
-use station::film::{FilmOptions, Output};
 use station::http::HttpOptions;
 use station::log::{self, LogOptions};
 use station::mavlink::{MavlinkOptions, VideoStreamEncoding};
 use station::{Limits, Options};
-use track_cpu::source::{PixelFormat, RawFormat, bound_command};
+use track_cpu::source::{PixelFormat, RawFormat};
 use track_cpu::{BBox, Model};
 
-use super::engine::{burn_in, frame_box};
+use super::engine::frame_box;
+use super::video::VideoArgs;
 use crate::args::input::{ReadArgs, pix_help};
 use crate::args::{
     EngineArgs, Mode, ModelArg, bbox, frame_rate, pixel_format, size, targets, threshold,
@@ -34,8 +33,8 @@ rtp:5600/h265, rtp:5600/jpeg) or as X.sdp describes it; a GStreamer pipeline tha
 flight:[seed=N],[difficulty=easy|medium|hard],[size=WxH],[frames=N].
 
 Only the newest frame is tracked; the others are counted as dropped. One JSON object per tracked
-frame goes to standard output; with --targets one per target of the frame. A camera or stream that fails, ends or falls silent is opened again.
-SIGTERM and SIGINT end the program in order.
+frame goes to standard output; with --targets one per target of the frame. A camera or stream that
+fails, ends or falls silent is opened again. SIGTERM and SIGINT end the program in order.
 
 Commands: {\"command\": \"start\", \"box\": [left, top, width, height]} in pixels; \"rectangle\": [left,
 top, right, bottom] or \"point\": [x, y] in shares of the frame in place of \"box\", and \"frame\": N if
@@ -124,56 +123,6 @@ pub struct ServeArgs {
     /// Video with boxes.
     #[command(flatten)]
     pub video: VideoArgs,
-}
-
-/// Options of the video with boxes.
-#[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Video")]
-pub struct VideoArgs {
-    /// Write the video with boxes burnt in, through your ffmpeg: a file, rtp://HOST:PORT, or
-    /// rtsp://, udp://, srt:// or rtmp:// of a server. Its rate is --fps; ground stations are told
-    /// of it. A file that is there is kept, and the new one gets a number.
-    #[arg(long, value_name = "WHERE", value_parser = Output::parse)]
-    video_out: Option<Output>,
-    /// Options of ffmpeg for encoder and output, separated by blanks [default: H.264 by libx264
-    /// without delay].
-    #[arg(
-        long,
-        value_name = "ARGS",
-        requires = "video_out",
-        allow_hyphen_values = true,
-        default_value = "",
-        hide_default_value = true
-    )]
-    video_args: String,
-}
-
-impl VideoArgs {
-    fn options(&self, rate: f64) -> Option<FilmOptions> {
-        Some(FilmOptions {
-            output: self.video_out.clone()?,
-            rate,
-            args: self
-                .video_args
-                .split_whitespace()
-                .map(str::to_string)
-                .collect(),
-            draw: burn_in,
-            ffmpeg: || bound_command(OsStr::new("ffmpeg")),
-        })
-    }
-
-    /// How the video is encoded, as far as the options tell.
-    fn encoding(&self) -> VideoStreamEncoding {
-        let args = &self.video_args;
-        if args.contains("265") || args.contains("hevc") {
-            VideoStreamEncoding::VIDEO_STREAM_ENCODING_H265
-        } else if args.is_empty() || args.contains("264") {
-            VideoStreamEncoding::VIDEO_STREAM_ENCODING_H264
-        } else {
-            VideoStreamEncoding::VIDEO_STREAM_ENCODING_UNKNOWN
-        }
-    }
 }
 
 /// Options of the flight log.
@@ -300,7 +249,7 @@ impl ServeArgs {
             mavlink: self.mavlink.options(&self.video, self.fps),
             http: self.http.options(),
             commands: self.commands.clone(),
-            film: self.video.options(self.fps),
+            film: self.video.options(self.fps, false),
         }
     }
 }
@@ -318,7 +267,7 @@ impl LogArgs {
 
 impl MavlinkArgs {
     fn options(&self, video: &VideoArgs, rate: f64) -> MavlinkOptions {
-        let announced = video.video_out.as_ref().and_then(Output::announced);
+        let announced = video.announced();
         let is_ours = self.video_uri.is_none() && announced.is_some();
         MavlinkOptions {
             links: self.mavlink.clone(),

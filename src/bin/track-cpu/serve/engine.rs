@@ -2,15 +2,13 @@
 
 use std::time::Duration;
 
-use image::RgbImage;
-use station::{Candidate, Engine, Followed, FrameBox, Order, Picture, Report, State, Tracked};
+use station::{Candidate, Engine, FrameBox, Order, Picture, State, Tracked};
 use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
 use track_cpu::{BBox, ChannelOrder, Frame, Model};
 
 use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 use crate::follow::flight_options;
-use crate::overlay::Canvas;
 
 /// A tracker that may have no target.
 pub struct TrackerEngine {
@@ -102,32 +100,8 @@ impl Engine for TrackerEngine {
     }
 }
 
-/// Draws what is known of a frame into a copy of it.
-pub fn burn_in(picture: &Picture, report: &Report) -> RgbImage {
-    let Ok(frame) = frame(picture) else {
-        return picture.to_rgb();
-    };
-    let mut canvas = Canvas::new(&frame);
-    let mut caption = format!("#{}", report.frame);
-    for Followed { id, track, .. } in &report.targets {
-        let FrameBox { x, y, w, h } = track.bbox;
-        let mut name = String::new();
-        if report.tells_ids() {
-            name = id.to_string();
-            caption += &format!(" {id}");
-        }
-        canvas.target(&BBox::new(x, y, w, h), &name, track.presence);
-        caption += &format!(" {}", track.state.name());
-    }
-    if report.targets.is_empty() {
-        caption += " idle";
-    }
-    canvas.caption(&caption);
-    canvas.picture
-}
-
 /// The picture as the tracker takes it.
-fn frame(picture: &Picture) -> Result<Frame<'_>, String> {
+pub fn frame(picture: &Picture) -> Result<Frame<'_>, String> {
     let order = match picture.order {
         Order::Gray => ChannelOrder::Gray,
         Order::Rgb => ChannelOrder::Rgb,
@@ -144,7 +118,8 @@ pub fn frame_box(bbox: &BBox) -> FrameBox {
     FrameBox::new(bbox.x, bbox.y, bbox.w, bbox.h)
 }
 
-fn state(state: track_cpu::State) -> State {
+/// The state as the station knows it.
+pub fn state(state: track_cpu::State) -> State {
     match state {
         track_cpu::State::Tracking => State::Tracking,
         track_cpu::State::LowConfidence => State::LowConfidence,

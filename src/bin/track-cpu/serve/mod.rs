@@ -6,16 +6,20 @@
 //! | `config.rs` | options out of a file |
 //! | `engine.rs` | the tracker, run the same way by both |
 //! | `feed.rs` | which input is read how |
+//! | `pick.rs` | a box drawn by hand, for `track` |
+//! | `video.rs` | the video with boxes, of `track` as well |
 //! | `replay.rs` | a flight log done again, box for box |
 
 pub mod args;
 pub mod config;
 mod engine;
 mod feed;
+pub mod pick;
 pub mod replay;
+pub mod video;
 
-use station::{Engine, Station};
 use station::commands::Place;
+use station::{Engine, Station};
 use track_cpu::{BBox, TrackError};
 
 use crate::exit::Failure;

@@ -105,7 +105,12 @@ fn engines(args: &ReplayArgs, log: &Reader) -> Result<Vec<TrackerEngine>, Failur
     let model = engine.model(model.as_deref())?;
     let mut engines = Vec::new();
     for _ in 0..targets {
-        engines.push(TrackerEngine::new(model.clone(), &engine, mode, &thresholds)?);
+        engines.push(TrackerEngine::new(
+            model.clone(),
+            &engine,
+            mode,
+            &thresholds,
+        )?);
     }
     Ok(engines)
 }

@@ -8,9 +8,9 @@
 //! | either with `"target"`, the number of a target | the start replaces that target; the stop leaves the others |
 //! | `{"command": "state"}` | `{"done": true, "report": {...}}`, the newest report |
 //!
-//! An answer repeats the line's `"id"`, if it has one; where several targets can be followed, that to
-//! a start tells the `"target"`, which is the lowest free number unless the line names one. A command that is not carried out is
-//! answered by `{"done": false, "error": "..."}`.
+//! An answer repeats the line's `"id"`, if it has one. Where several targets can be followed, a
+//! start that names none takes the lowest free number, and its answer tells the `"target"`. A
+//! command that is not carried out is answered by `{"done": false, "error": "..."}`.
 //!
 //! | file | what happens there |
 //! |---|---|

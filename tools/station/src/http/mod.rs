@@ -94,14 +94,23 @@ pub fn check_token(token: &str) -> Result<(), String> {
     }
 }
 
-/// Starts the server's threads, if it is asked for.
+/// A web page that is served.
+#[derive(Debug)]
+pub struct Page {
+    /// Its address, with the token.
+    pub url: String,
+    /// The server's threads, which end with the hub.
+    pub threads: Vec<JoinHandle<()>>,
+}
+
+/// Starts the server, if it is asked for.
 ///
 /// # Errors
 /// If the address cannot be listened on, is open to others without a token, or the token is
 /// unusable.
-pub fn start(options: &HttpOptions, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>>, Error> {
+pub fn start(options: &HttpOptions, hub: &Arc<Hub>) -> Result<Option<Page>, Error> {
     let Some(address) = &options.address else {
-        return Ok(Vec::new());
+        return Ok(None);
     };
     let wrong = |reason: String| Error::output(format!("--http {address}"), reason);
     let found: Vec<SocketAddr> = address
@@ -132,6 +141,7 @@ pub fn start(options: &HttpOptions, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>
             token
         }
     };
+    let url = format!("http://{bound}/#{token}");
     let video = Arc::new(Video::default());
     let encoder = {
         let video = Arc::clone(&video);
@@ -154,7 +164,8 @@ pub fn start(options: &HttpOptions, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<()>
             }
         }
     });
-    Ok(vec![encoder, listening])
+    let threads = vec![encoder, listening];
+    Ok(Some(Page { url, threads }))
 }
 
 /// The token that the user has given, in a file or as it is.
