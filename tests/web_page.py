@@ -6,8 +6,8 @@
     v/bin/python tests/web_page.py target/release/track-cpu [--chromium /usr/bin/chromium]
 
 Draws a box on a rendered flight with the mouse and with a finger, upright and across, zoomed and
-frozen; watches the overlay follow; stops; tries without the token; lets the source fall silent and
-the program end; and times tracking while eight more look on. Every check prints a line; the exit
+frozen; watches the overlay follow; stops; follows two targets; tries without the token; lets the
+source fall silent and the program end; and times tracking while eight more look on. Every check prints a line; the exit
 code is 1 if any fails. Not part of `cargo test`, which speaks the page's HTTP in Rust.
 """
 import argparse
@@ -202,6 +202,37 @@ def phone(browser, program, width, height):
     context.close()
 
 
+def several(browser, executable):
+    """Two targets, each with a number and a button of its own."""
+    program = Program(executable, "--targets", "2")
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(program.page)
+    wait_for_video(page)
+
+    def numbers(state):
+        return [target["target"] for target in state["targets"]]
+
+    drag(page, (0.45, 0.4, 0.55, 0.55))
+    check("the first box is target 1", program.until(lambda s: numbers(s) == [1]))
+    drag(page, (0.1, 0.6, 0.22, 0.8))
+    check("the second box is target 2", program.until(lambda s: numbers(s) == [1, 2]))
+    wait_for(page, "document.querySelectorAll('#targets > span').length === 2")
+    check("both are listed with their states", "tracking" in page.inner_text("#targets"))
+    drag(page, (0.7, 0.2, 0.8, 0.4))
+    said = "document.getElementById('note').textContent"
+    wait_for(page, f"{said}.includes('in use')")
+    check("a third box is refused: " + page.inner_text("#note"), numbers(program.state()) == [1, 2])
+    page.click("#targets > span:first-child button")
+    check("the first one's button stops it alone", program.until(lambda s: numbers(s) == [2]))
+    wait_for(page, "document.querySelectorAll('#targets > span').length === 1")
+    check("the other one stays in the list", page.inner_text("#targets").startswith("2"))
+    check("the large button stops all", page.inner_text("#stop") == "Stop all")
+    page.click("#stop")
+    check("all are stopped", program.until(lambda s: numbers(s) == []))
+    page.close()
+    program.end()
+
+
 def stale(browser, executable):
     """A camera that stops, and then a program that ends."""
     frame, running = bytes(90 for _ in range(160 * 120)), True
@@ -307,6 +338,7 @@ def main():
         phone(browser, program, 844, 390)
         unauthorized(browser, program)
         rebinding(browser, program)
+        several(browser, args.program)
         stale(browser, args.program)
         browser.close()
     viewers(program)
