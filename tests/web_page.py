@@ -7,8 +7,9 @@
 
 Draws a box on a rendered flight with the mouse and with a finger, upright and across, zoomed and
 frozen; watches the overlay follow; stops; follows two targets; tries without the token; lets the
-source fall silent and the program end; and times tracking while eight more look on. Every check prints a line; the exit
-code is 1 if any fails. Not part of `cargo test`, which speaks the page's HTTP in Rust.
+source fall silent and the program end; and times tracking while eight more look on. Every check
+prints a line; the exit code is 1 if any fails. Not part of `cargo test`, which speaks the page's
+HTTP in Rust.
 """
 import argparse
 import json
