@@ -87,8 +87,7 @@ fn stop_of_one_target_leaves_the_others() {
     assert_eq!(two["room"], 2);
     assert_eq!(two["target"], 1, "the state tells of the first");
     assert_eq!(start(BOXES[0]), 409);
-    let words = serving.said();
-    assert!(words.contains("all 2 targets are in use"), "{words}");
+    serving.wait_for("all 2 targets are in use");
     let metrics = page.get("/metrics");
     let labeled = "track_cpu_state{target=\"2\",state=\"idle\"} 0";
     assert!(metrics.contains(labeled), "{metrics}");

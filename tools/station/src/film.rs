@@ -20,7 +20,7 @@ use crate::error::Error;
 use crate::hub::lock;
 use crate::picture::Picture;
 use crate::report::Report;
-use crate::say::say;
+use crate::say::{self, say};
 
 /// Frames that may wait to be drawn.
 const MAX_WAITING: usize = 2;
@@ -30,6 +30,8 @@ const RETRY: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs
 const TICK: Duration = Duration::from_millis(50);
 /// How long an encoder may take to complete a file.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// How long the last words may take to be said.
+const FAREWELL: Duration = Duration::from_millis(500);
 /// Files of one name.
 const MAX_FILES: usize = 10_000;
 /// Bytes of an encoder's complaints that are said at most.
@@ -230,6 +232,7 @@ impl Film {
             self.shared.written.load(Ordering::Relaxed),
             self.dropped
         );
+        say::flush(FAREWELL); // the program may end now
         lock(&self.shared.failure).take().map_or(Ok(()), Err)
     }
 }
