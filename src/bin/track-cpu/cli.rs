@@ -35,7 +35,7 @@ Start here:
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Follow the object inside a box through images, a video or a stream.
-    Track(TrackArgs),
+    Track(Box<TrackArgs>),
     /// Run live: a camera or stream in; boxes, MAVLink and a web page out.
     #[cfg(feature = "serve")]
     Serve(Box<ServeArgs>),

@@ -182,7 +182,9 @@ mod tests {
     }
 
     fn targets(engines: &mut [Sliding]) -> Targets<'_> {
-        let boxed = engines.iter_mut().map(|e| Box::new(e) as Box<dyn Engine + '_>);
+        let boxed = engines
+            .iter_mut()
+            .map(|e| Box::new(e) as Box<dyn Engine + '_>);
         Targets::new(boxed.collect())
     }
 
