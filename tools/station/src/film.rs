@@ -148,6 +148,7 @@ pub struct Film {
     jobs: SyncSender<Job>,
     thread: JoinHandle<()>,
     shared: Arc<Shared>,
+    file: Option<PathBuf>,
     every: bool,
     dropped: u64,
 }
@@ -161,6 +162,7 @@ impl Film {
         options: FilmOptions,
         recycle: impl Fn(Picture) + Send + 'static,
     ) -> Result<Film, Error> {
+        let mut file = None;
         let target = match &options.output {
             Output::File(path) => {
                 let path = free_path(path).map_err(|error| {
@@ -169,6 +171,7 @@ impl Film {
                 say!("video: {}", path.display());
                 let mut target = OsString::from("file:");
                 target.push(&path);
+                file = Some(path);
                 target
             }
             Output::Stream { url, .. } => url.into(),
@@ -191,6 +194,7 @@ impl Film {
             jobs,
             thread,
             shared,
+            file,
             every,
             dropped: 0,
         })
@@ -227,11 +231,11 @@ impl Film {
             let _ = encoder.child.kill(); // an error means that it has ended
             let _ = encoder.child.wait();
         }
-        say!(
-            "video: {} frames, {} dropped",
-            self.shared.written.load(Ordering::Relaxed),
-            self.dropped
-        );
+        let written = self.shared.written.load(Ordering::Relaxed);
+        if let Some(file) = self.file.filter(|_| written == 0) {
+            let _ = std::fs::remove_file(file); // it only kept the name
+        }
+        say!("video: {written} frames, {} dropped", self.dropped);
         say::flush(FAREWELL); // the program may end now
         lock(&self.shared.failure).take().map_or(Ok(()), Err)
     }
@@ -543,7 +547,7 @@ mod tests {
     }
 
     #[test]
-    fn earlier_video_is_kept() {
+    fn earlier_video_is_kept_and_one_without_a_frame_leaves_no_file() {
         let folder = std::env::temp_dir().join(format!("track-cpu-film-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join("f.mkv");
@@ -557,11 +561,14 @@ mod tests {
             ffmpeg: || Command::new("ffmpeg"),
         };
 
-        let finished = Film::start(options, |_| {}).unwrap().finish();
+        let film = Film::start(options, |_| {}).unwrap();
+        let is_taken = folder.join("f-1.mkv").exists();
+        let finished = film.finish();
 
         assert_eq!(finished, Ok(()));
         assert_eq!(std::fs::read(&path).unwrap(), b"earlier");
-        assert!(folder.join("f-1.mkv").exists());
+        assert!(is_taken, "its name is taken from the start on");
+        assert!(!folder.join("f-1.mkv").exists());
         std::fs::remove_dir_all(folder).unwrap();
     }
 }
