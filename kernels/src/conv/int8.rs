@@ -272,6 +272,9 @@ impl<'a> Tile<'a, '_> {
     ///     sums[i][v] = dot(x, w[v], sums[i][v])            GROUPS * VECTORS dot products
     /// ```
     ///
+    /// Where a dot product takes a part of a register, a load brings four steps of a pixel
+    /// ([`add_runs`]): a quarter of the broadcasts.
+    ///
     /// `sums` goes by value: the epilogue indexes it by variables, so a reference would keep it in
     /// memory here as well, and NEON would store it in every step.
     #[inline(always)]
@@ -299,7 +302,13 @@ impl<'a> Tile<'a, '_> {
                     self.window::<D>(next, ky, steps)
                 };
             }
-            for (j, weights) in (0..steps).zip(weights.chunks_exact(VECTORS * vector)) {
+            let mut done = 0;
+            if const { D::RUN > 1 } {
+                sums = add_runs::<D, GROUPS, VECTORS>(dot, first, steps, weights, sums);
+                done = steps / D::RUN * D::RUN;
+            }
+            let rest = weights[done * VECTORS * vector..].chunks_exact(VECTORS * vector);
+            for (j, weights) in (done..steps).zip(rest) {
                 let mut w = [dot.load(weights); VECTORS];
                 for v in 1..VECTORS {
                     w[v] = dot.load(&weights[v * vector..]);
@@ -314,6 +323,59 @@ impl<'a> Tile<'a, '_> {
         }
         sums
     }
+}
+
+/// The hot loop by runs: adds the products of all whole runs of a window's row.
+///
+/// ```text
+/// for each run of 4 steps
+///   x[i] = load of pixel i's run                              GROUPS loads
+///   for each step of the run
+///     w[v] = load of the step's weights, vector v             VECTORS loads
+///     sums[i][v] = dot(x[i]'s step, w[v], sums[i][v])         GROUPS * VECTORS dot products
+/// ```
+///
+/// All pixels take one step before any takes the next: dot products in a row are independent.
+#[inline(always)]
+fn add_runs<D: Dot, const GROUPS: usize, const VECTORS: usize>(
+    dot: D,
+    windows: [&[D::Step]; GROUPS],
+    steps: usize,
+    weights: &[[i8; 4]],
+    mut sums: [[D::Sums; VECTORS]; GROUPS],
+) -> [[D::Sums; VECTORS]; GROUPS] {
+    let step = VECTORS * D::Float::LANES * D::QUADS;
+    let runs = weights.chunks_exact(D::RUN * step);
+    for (j, weights) in (0..steps / D::RUN).zip(runs) {
+        let mut x = [dot.load_run(&windows[0][j * D::RUN..]); GROUPS];
+        for i in 1..GROUPS {
+            x[i] = dot.load_run(&windows[i][j * D::RUN..]);
+        }
+        sums = add_step::<D, 0, GROUPS, VECTORS>(dot, x, weights, sums);
+        sums = add_step::<D, 1, GROUPS, VECTORS>(dot, x, weights, sums);
+        sums = add_step::<D, 2, GROUPS, VECTORS>(dot, x, weights, sums);
+        sums = add_step::<D, 3, GROUPS, VECTORS>(dot, x, weights, sums);
+    }
+    sums
+}
+
+/// Adds the products of one step of a run.
+#[inline(always)]
+fn add_step<D: Dot, const STEP: usize, const GROUPS: usize, const VECTORS: usize>(
+    dot: D,
+    x: [D::Bytes; GROUPS],
+    weights: &[[i8; 4]],
+    mut sums: [[D::Sums; VECTORS]; GROUPS],
+) -> [[D::Sums; VECTORS]; GROUPS] {
+    let vector = D::Float::LANES * D::QUADS;
+    let weights = &weights[STEP * VECTORS * vector..];
+    for v in 0..VECTORS {
+        let w = dot.load(&weights[v * vector..]);
+        for i in 0..GROUPS {
+            sums[i][v] = dot.dot_in_run::<STEP>(x[i], w, sums[i][v]);
+        }
+    }
+    sums
 }
 
 #[cfg(test)]

@@ -212,6 +212,10 @@ pub trait Dot: Copy + Send + Sync + 'static {
     /// [`Simd::TILE_PIXELS`] for dot products of bytes, in groups of [`PIXELS`](Self::PIXELS).
     const TILE_GROUPS: [usize; 4];
 
+    /// Steps of one pixel that [`load_run`](Self::load_run) brings: 4 where a dot product takes a
+    /// quarter of a register, and [`PIXELS`](Self::PIXELS) is 1; else 1.
+    const RUN: usize = 1;
+
     /// What [`activations`](Self::activations) subtracts from each, so that it fits a signed byte.
     /// Sums start from this, times the weights, to make up for it.
     const OFFSET: i32 = 0;
@@ -221,6 +225,12 @@ pub trait Dot: Copy + Send + Sync + 'static {
 
     /// The activations of two pixels; of the first only, if [`PIXELS`](Self::PIXELS) is 1.
     fn activations(self, pixels: [Self::Step; 2]) -> Self::Bytes;
+
+    /// The activations of one pixel's first [`RUN`](Self::RUN) steps. Panics if there are fewer.
+    #[inline(always)]
+    fn load_run(self, steps: &[Self::Step]) -> Self::Bytes {
+        self.activations([steps[0]; 2])
+    }
 
     /// The weights of `LANES` lanes, [`QUADS`](Self::QUADS) fours each. Panics if `weights` is
     /// shorter.
@@ -238,6 +248,17 @@ pub trait Dot: Copy + Send + Sync + 'static {
     /// `sums + x[0] w[0] + x[1] w[1] + ...` in every lane for every pixel, with
     /// [`OFFSET`](Self::OFFSET) subtracted from each `x`.
     fn dot(self, x: Self::Bytes, w: Self::Weights, sums: Self::Sums) -> Self::Sums;
+
+    /// [`dot`](Self::dot) of step number `STEP` of a run; `STEP` is below [`RUN`](Self::RUN).
+    #[inline(always)]
+    fn dot_in_run<const STEP: usize>(
+        self,
+        run: Self::Bytes,
+        w: Self::Weights,
+        sums: Self::Sums,
+    ) -> Self::Sums {
+        self.dot(run, w, sums)
+    }
 
     /// The sums of one of the [`PIXELS`](Self::PIXELS) pixels.
     fn of_pixel(self, sums: Self::Sums, pixel: usize) -> Self::I32;
@@ -395,6 +416,31 @@ mod tests {
                         lanes.map(|(w, s)| (s + 2 * product(w)) as f32).collect();
                     assert_eq!(found, expected, "pixel {p}");
                 }
+            }
+            // Each step of a run equals the same step on its own.
+            let steps: Vec<D::Step> = (0..D::RUN)
+                .map(|s| {
+                    let bytes: Vec<u8> = (0..4 * D::QUADS).map(|i| byte(5 * s + i)).collect();
+                    *bytemuck::from_bytes(&bytes)
+                })
+                .collect();
+            let (run, w) = (dot.load_run(&steps), dot.load(&weights));
+            let from = dot.sums(&start);
+            let of_steps = [
+                dot.dot_in_run::<0>(run, w, from),
+                dot.dot_in_run::<1>(run, w, from),
+                dot.dot_in_run::<2>(run, w, from),
+                dot.dot_in_run::<3>(run, w, from),
+            ];
+            for (step, sums) in steps.iter().zip(of_steps) {
+                let alone = dot.dot(dot.activations([*step; 2]), w, from);
+                let lanes = [sums, alone].map(|sums| {
+                    let mut lanes = vec![f32::NAN; n];
+                    dot.float()
+                        .store(dot.to_f32(dot.of_pixel(sums, 0)), &mut lanes);
+                    lanes
+                });
+                assert_eq!(lanes[0], lanes[1]);
             }
             let int16 = |i: usize| [32767i16, -32768, 1, -1, 12345, -777, 0, 16383][i % 8];
             let pairs: Vec<[i16; 2]> = (0..n).map(|l| [int16(3 * l), int16(l + 5)]).collect();

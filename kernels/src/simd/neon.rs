@@ -2,7 +2,8 @@
 //! NEON.
 //!
 //! - `sdot` (ARMv8.2 dotprod: Cortex-A76, Raspberry Pi 5, RK3588, Orin and later) multiplies four
-//!   pairs per lane.
+//!   pairs per lane. It can take the same four activations in all lanes from any quarter of a
+//!   register, so that one load brings four steps and nothing is broadcast.
 //! - `usmmla` (ARMv8.6 i8mm: Cortex-A510, A710, X2 and later) multiplies matrices: eight pairs per
 //!   lane.
 
@@ -67,7 +68,9 @@ impl Dot for NeonDot {
     type Bytes = int8x16_t;
     type Pairs = int16x8_t;
     type Weights = int8x16_t;
-    const TILE_GROUPS: [usize; 4] = [0, 9, 9, 7];
+    // Nine pixels x two vectors would leave too few registers for their runs.
+    const TILE_GROUPS: [usize; 4] = [0, 9, 8, 7];
+    const RUN: usize = 4;
     const OFFSET: i32 = 128;
 
     #[inline(always)]
@@ -80,6 +83,14 @@ impl Dot for NeonDot {
         let lower = u32::from_ne_bytes(x) ^ 0x8080_8080;
         // SAFETY: NEON is part of aarch64.
         unsafe { vreinterpretq_s8_u32(vdupq_n_u32(lower)) }
+    }
+
+    #[inline(always)]
+    fn load_run(self, steps: &[[u8; 4]]) -> int8x16_t {
+        assert!(steps.len() >= 4);
+        // SAFETY: the slice has four times four bytes, the load is unaligned, NEON is part of
+        // aarch64.
+        unsafe { vreinterpretq_s8_u8(veorq_u8(vld1q_u8(steps.as_ptr().cast()), vdupq_n_u8(128))) }
     }
 
     #[inline(always)]
@@ -107,6 +118,27 @@ impl Dot for NeonDot {
                 sum = inout(vreg) sum,
                 x = in(vreg) x,
                 w = in(vreg) w,
+                options(pure, nomem, nostack, preserves_flags)
+            );
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn dot_in_run<const STEP: usize>(
+        self,
+        run: int8x16_t,
+        w: int8x16_t,
+        mut sum: int32x4_t,
+    ) -> int32x4_t {
+        // SAFETY: `self` proves dotprod; registers only.
+        unsafe {
+            asm!(
+                "sdot {sum:v}.4s, {w:v}.16b, {run:v}.4b[{step}]",
+                sum = inout(vreg) sum,
+                w = in(vreg) w,
+                run = in(vreg) run,
+                step = const STEP,
                 options(pure, nomem, nostack, preserves_flags)
             );
         }
