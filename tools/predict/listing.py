@@ -79,6 +79,12 @@ def stretches(body, columns):
             first = i
 
 
+def is_loop(stretch):
+    """Whether a stretch ends with a jump into itself."""
+    target = stretch[-1].target
+    return target is not None and stretch[0].address <= target <= stretch[-1].address
+
+
 def source(body):
     """Instructions as text that an assembler reads: jumps and addresses of data go nowhere."""
     return [TARGET.sub("0", instruction.text) for instruction in body]

@@ -90,7 +90,9 @@ def predict(found, cpu, mca):
             break
         chosen.append(i)
         seen += sizes[i]
-    costs = cycles.of(mca, cpu, [listing.source(found[i][1]) for i in chosen])
+    bodies = [found[i][1] for i in chosen]
+    loops = [listing.is_loop(body) for body in bodies]
+    costs = cycles.of(mca, cpu, [listing.source(body) for body in bodies], loops)
     per_run = dict(zip(chosen, costs))
     rate = sum(per_run[i] * sum(found[i][2].values()) for i in chosen) / seen
     rows, parts = {}, {}
@@ -176,7 +178,7 @@ def main():
     cpu = cycles.CPUS[arguments.cpu]
     if arguments.loop:
         lines = pathlib.Path(arguments.loop).read_text().splitlines()
-        print(f"{cycles.of(arguments.llvm_mca, cpu, [lines])[0]:.2f} cycles")
+        print(f"{cycles.of(arguments.llvm_mca, cpu, [lines], [True])[0]:.2f} cycles")
         return
     program = arguments.program or build(cpu.target)
     functions = listing.functions(arguments.llvm_objdump, program)

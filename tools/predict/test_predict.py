@@ -49,6 +49,13 @@ class ListingTest(unittest.TestCase):
         self.assertEqual([counts[a] for a in (0x1000, 0x1004, 0x1008, 0x100C)], [10, 10, 11, 2])
         self.assertEqual(found, [(0, 2), (2, 3), (3, 4)])
 
+    def test_stretch_that_jumps_into_itself_is_a_loop(self):
+        body = self.functions[0][1]
+
+        self.assertTrue(listing.is_loop(body[:3]))
+        self.assertFalse(listing.is_loop(body[:2]))
+        self.assertFalse(listing.is_loop(body[2:]))
+
 
 class TraceTest(unittest.TestCase):
     def frame(self, times):
@@ -100,15 +107,18 @@ class TraceTest(unittest.TestCase):
 
 
 class CyclesTest(unittest.TestCase):
-    def test_cycles_are_at_least_what_decoding_takes(self):
-        def region(name, total):
-            return {"Name": name, "SummaryView": {"TotalCycles": total, "Instructions": 800}}
+    def test_cycles_wait_for_results_in_loops_alone_and_for_decoding_always(self):
+        def region(name, total, throughput):
+            summary = {"Instructions": 800, "TotalCycles": total, "BlockRThroughput": throughput}
+            return {"Name": name, "SummaryView": summary}
 
-        output = json.dumps({"CodeRegions": [region("1", 900), region("0", 100)]})
+        regions = [region("1", 900, 3.0), region("0", 100, 1.0), region("2", 900, 3.0)]
 
-        found = cycles.parse(output, cycles.CPUS["cortex-a76"], 2)
+        found = cycles.parse(
+            json.dumps({"CodeRegions": regions}), cycles.CPUS["cortex-a76"], [True, True, False]
+        )
 
-        self.assertEqual(found, [2.0, 9.0])
+        self.assertEqual(found, [2.0, 9.0, 3.0])
 
 
 if __name__ == "__main__":
