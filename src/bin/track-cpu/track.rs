@@ -104,7 +104,11 @@ impl Run<'_> {
         self.see_size(index, &first);
         let init = match self.args.init {
             Some(init) => init,
-            None => self.ask(&first)?,
+            None => {
+                let init = self.ask(&first)?;
+                bar.reset(); // its rate is that of tracking
+                init
+            }
         };
         let started = Instant::now();
         let mut found = self.tracker.start(&first.frame(), init)?;
