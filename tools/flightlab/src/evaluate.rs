@@ -4,6 +4,7 @@ use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker, Presence}
 use track_cpu::{BBox, Frame, Model, State};
 
 use scenes::Difficulty;
+use sequences::curves;
 
 use crate::clips::{self, Clip, GONE, OFF, ON, Truth, each_clip, is_on};
 use crate::measure::{auroc, reliability};
@@ -238,12 +239,8 @@ fn look_at(
 }
 
 fn mean_iou(moments: &[Moment]) -> f64 {
-    let seen: Vec<f64> = moments
-        .iter()
-        .filter(|m| m.visible > CLEAR)
-        .map(|m| f64::from(m.iou))
-        .collect();
-    seen.iter().sum::<f64>() / seen.len().max(1) as f64
+    let seen = moments.iter().filter(|m| m.visible > CLEAR);
+    curves::mean(seen.map(|m| f64::from(m.iou)))
 }
 
 /// How often something happened, and how often it ended well or badly.
@@ -382,7 +379,7 @@ fn summarize(name: &str, flights: &[&[Moment]]) {
     let returns = [0, 1].map(|from| Count::sum(flights.iter().map(|f| returns(f)[from])));
     let crossings = Count::sum(flights.iter().map(|f| crossings(f)));
     let wrong = flights.iter().filter(|f| locks_wrong(f)).count();
-    let iou = flights.iter().map(|f| mean_iou(f)).sum::<f64>() / flights.len().max(1) as f64;
+    let iou = curves::mean(flights.iter().map(|f| mean_iou(f)));
     let shown = |a: Option<f64>| a.map_or("none".into(), |a| format!("{a:.4}"));
     println!("\n{name}: mean IoU {iou:.3} over {} flights", flights.len());
     println!(

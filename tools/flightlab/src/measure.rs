@@ -1,5 +1,7 @@
 //! How good a probability is.
 
+use sequences::curves;
+
 /// Area under the ROC curve: the chance that a positive has the higher number than a negative, ties
 /// counting half. `None` without both.
 pub fn auroc(samples: &[(f64, bool)]) -> Option<f64> {
@@ -26,13 +28,13 @@ pub fn auroc(samples: &[(f64, bool)]) -> Option<f64> {
 /// Mean squared difference of the probability and the truth.
 pub fn brier(samples: &[(f64, bool)]) -> f64 {
     let error = |(p, on): &(f64, bool)| (p - f64::from(u8::from(*on))).powi(2);
-    samples.iter().map(error).sum::<f64>() / samples.len().max(1) as f64
+    curves::mean(samples.iter().map(error))
 }
 
 /// Mean logistic loss.
 pub fn log_loss(samples: &[(f64, bool)]) -> f64 {
     let loss = |(p, on): &(f64, bool)| -(if *on { *p } else { 1.0 - p }).max(1e-9).ln();
-    samples.iter().map(loss).sum::<f64>() / samples.len().max(1) as f64
+    curves::mean(samples.iter().map(loss))
 }
 
 /// A line per tenth of probability: frames, mean probability, share on target; and the expected

@@ -194,7 +194,8 @@ pub fn sequence_name(path: &Path) -> Option<String> {
     let stem = name
         .strip_suffix(".txt")
         .or_else(|| name.strip_suffix(".TXT"))?;
-    let is_other = OTHERS.iter().any(|suffix| stem.ends_with(suffix));
+    // GOT-10k, the VOT toolkit and `ope render` name a folder's sequences in `list.txt`.
+    let is_other = stem == "list" || OTHERS.iter().any(|suffix| stem.ends_with(suffix));
     if is_other || stem.starts_with('.') || stem.is_empty() {
         return None;
     }

@@ -22,6 +22,17 @@ impl Judgment {
     };
 }
 
+/// The mean; 0 without values.
+pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut sum = 0.0; // the standard library's sum of nothing is -0.0
+    let mut count: u32 = 0;
+    for value in values {
+        sum += value;
+        count += 1;
+    }
+    sum / f64::from(count.max(1))
+}
+
 /// Thresholds of the precision curve: 0, 1, ... 50 pixels of center error.
 pub const PRECISION_BINS: usize = 51;
 /// Thresholds of the success curve: 0, 0.05, ... 1 of overlap.
@@ -122,6 +133,12 @@ impl Curves {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn mean_of_nothing_is_a_positive_zero() {
+        assert_eq!(mean([]).to_bits(), 0);
+        assert_eq!(mean([1.0, 2.0]), 1.5);
+    }
 
     const fn judgment(error: f64, overlap: f64) -> Judgment {
         Judgment {

@@ -4,7 +4,7 @@ use crate::args::StepArgs;
 use ope::Error;
 use ope::step::{Steps, steps};
 use ope::table::Table;
-use sequences::Notes;
+use sequences::{Notes, curves};
 use serde_json::{Value, json};
 use track_cpu::{Isa, Model};
 
@@ -25,9 +25,7 @@ pub fn run(args: &StepArgs) -> Result<(), Error> {
         .map(|(_, steps)| *steps)
         .filter(|steps| steps.frames > 0)
         .collect();
-    let share = |part: fn(&Steps) -> f64| {
-        stepped.iter().map(part).sum::<f64>() / stepped.len().max(1) as f64
-    };
+    let share = |part: fn(&Steps) -> f64| curves::mean(stepped.iter().map(part));
     let mean = Steps {
         frames: stepped.iter().map(|s| s.frames).sum(),
         found: share(|s| s.found),

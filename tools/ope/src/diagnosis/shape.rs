@@ -5,6 +5,7 @@
 //! `ln(sqrt(w h)) - ln(sqrt(w0 h0))`. [`Fit`] holds the box's changes against the truth's.
 
 use crate::score::Evaluated;
+use sequences::curves::mean;
 use serde::Serialize;
 
 /// Lower ends of the bins of change of aspect: 10 %, 28 % and 65 %.
@@ -107,7 +108,7 @@ impl Fit {
 
 impl Shape {
     /// The figures as the cells of a table: slopes and deviations of aspect and size, the error of
-    /// the center, the mean IoU, and the mean IoU of each bin.
+    /// the center, the mean IoU, and the mean IoU of each bin, empty without frames.
     pub fn cells(&self) -> Vec<String> {
         let fits = [
             self.aspect.slope,
@@ -116,34 +117,38 @@ impl Shape {
             self.size.rmse,
         ];
         let means = [self.center_error, self.mean_iou];
-        let bins = self.by_aspect.iter().map(|bin| bin.mean_iou);
-        let fits = fits.map(|value| format!("{value:.2}")).into_iter();
-        let means = means.into_iter().chain(bins);
-        fits.chain(means.map(|value| format!("{value:.3}")))
-            .collect()
+        let mut cells: Vec<String> = fits.map(|value| format!("{value:.2}")).into();
+        cells.extend(means.map(|value| format!("{value:.3}")));
+        for bin in &self.by_aspect {
+            cells.push(if bin.frames == 0 {
+                String::new()
+            } else {
+                format!("{:.3}", bin.mean_iou)
+            });
+        }
+        cells
     }
 
     /// Sums frames up; zeros without frames.
     pub fn of(frames: impl IntoIterator<Item = Frame>) -> Shape {
         let frames: Vec<Frame> = frames.into_iter().collect();
-        let mean =
-            |of: fn(&Frame) -> f64| frames.iter().map(of).sum::<f64>() / frames.len().max(1) as f64;
+        let mean_over = |of: fn(&Frame) -> f64| mean(frames.iter().map(of));
         let mut by_aspect = Vec::with_capacity(BINS.len());
         for (i, from) in BINS.into_iter().enumerate() {
             let to = BINS.get(i + 1).copied().unwrap_or(f64::INFINITY);
             let is_in = |frame: &&Frame| (from..to).contains(&frame.aspect[0].abs());
-            let ious: Vec<f64> = frames.iter().filter(is_in).map(|frame| frame.iou).collect();
+            let ious = frames.iter().filter(is_in).map(|frame| frame.iou);
             by_aspect.push(Bin {
                 from,
-                frames: ious.len(),
-                mean_iou: ious.iter().sum::<f64>() / ious.len().max(1) as f64,
+                frames: ious.clone().count(),
+                mean_iou: mean(ious),
             });
         }
         Shape {
             aspect: Fit::of(frames.iter().map(|frame| frame.aspect)),
             size: Fit::of(frames.iter().map(|frame| frame.size)),
-            center_error: mean(|frame| frame.center_error),
-            mean_iou: mean(|frame| frame.iou),
+            center_error: mean_over(|frame| frame.center_error),
+            mean_iou: mean_over(|frame| frame.iou),
             by_aspect,
         }
     }

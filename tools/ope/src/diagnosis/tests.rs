@@ -58,6 +58,10 @@ fn box_that_follows_half_of_the_aspect_has_a_slope_of_one_half() {
     assert!(perfect.shape.aspect.rmse < 1e-6);
     assert!((perfect.shape.mean_iou - 1.0).abs() < 1e-6);
     assert!(perfect.losses.is_empty());
+    // Aspects change by less than 0.1, to 0.25, to 0.5, and beyond.
+    let short = comparison(&truth[..3], &[truth[..3].to_vec()]);
+    let cells = diagnose(&short).trackers[0].shape.cells();
+    assert_eq!(cells[6..], ["1.000", "", "", ""]);
 }
 
 #[test]

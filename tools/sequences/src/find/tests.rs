@@ -32,6 +32,7 @@ fn sequences_of_every_layout_are_found_at_once() {
     folder.write("DTB70/Gull2/result.txt", "1,2,3,4\n");
     pictures(&folder, "got/GOT-10k_Train_000001", 3);
     annotate(&folder, "got/GOT-10k_Train_000001/groundtruth.txt", 3);
+    folder.write("got/list.txt", "GOT-10k_Train_000001\n");
     folder.write("got/GOT-10k_Train_000001/absence.label", "0\n0\n0\n");
     pictures(&folder, "UAV123_10fps/data_seq/UAV123_10fps/bird1", 820);
     annotate(&folder, "UAV123_10fps/anno/UAV123_10fps/bird1_2.txt", 235);
