@@ -34,17 +34,22 @@ pub struct TrackConfig {
     ///
     /// 0 in the published tracker, whose search region is a square.
     pub unstretch: f64,
+    /// Share of the vote of the cells around the chosen one in the reported box, in `[0, 1]`.
+    ///
+    /// 0 in the published tracker, which reports the chosen cell's box.
+    pub voting: f64,
 }
 
 impl TrackConfig {
     /// The same without what the published tracker lacks: correction, template update, online
-    /// filter, stretched search regions.
+    /// filter, stretched search regions, voting.
     pub fn as_published(self) -> TrackConfig {
         TrackConfig {
             correction: 0.0,
             template_update: 0.0,
             online_filter: 0.0,
             unstretch: 0.0,
+            voting: 0.0,
             ..self
         }
     }
@@ -62,6 +67,7 @@ impl From<&TrackerParams> for TrackConfig {
             template_update: p.template_update,
             online_filter: p.online_filter,
             unstretch: p.unstretch,
+            voting: p.voting,
         }
     }
 }

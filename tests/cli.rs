@@ -485,7 +485,7 @@ fn mode_and_shares_of_older_versions_still_work() {
 
     assert_eq!(track("--mode plain"), plain);
     assert_eq!(track("--mode paper"), plain);
-    let shares = "--correction 0 --template-update 0 --online-filter 0 --unstretch 0";
+    let shares = "--correction 0 --template-update 0 --online-filter 0 --unstretch 0 --voting 0";
     assert_eq!(track(shares), published);
     assert_ne!(published, plain);
     let help = stdout(&run(["track", "--help"], b""));

@@ -91,6 +91,20 @@ fn moving_target_is_followed() {
     }
 }
 
+#[test]
+fn vote_on_the_reported_box_steers_no_search() {
+    let tracks = |voting| follow(&mut with(|options| options.config.voting = voting), 15);
+    let own = tracks(0.0);
+    let voted = tracks(1.0);
+
+    let scores = |tracks: &[Track]| tracks.iter().map(|track| track.score).collect::<Vec<_>>();
+    assert_eq!(scores(&own), scores(&voted));
+    for (i, (own, voted)) in (1..).zip(own.iter().zip(&voted)) {
+        assert_ne!(own.bbox, voted.bbox, "frame {i}");
+        assert_on_target(i, voted, cross_box(path(i)), 0.5);
+    }
+}
+
 /// A frame of stripes with a checkerboard disc, whose look changes with `turned` in `[0, 1]`.
 fn turning(cx: i64, cy: i64, turned: f64) -> Vec<u8> {
     let mut rgb = scene(WIDTH, HEIGHT, -1000, -1000);

@@ -38,7 +38,7 @@ use crate::bbox::{BBox, FrameBox};
 use crate::error::TrackError;
 use crate::frame::Frame;
 use crate::model::Model;
-use crate::tracker::{Extent, SearchRegion, Track, Tracker, TrackerOptions};
+use crate::tracker::{Extent, Position, SearchRegion, Track, Tracker, TrackerOptions};
 use camera::{CameraMotion, Motion};
 use evidence::Finding;
 use judge::Judge;
@@ -93,7 +93,7 @@ const ELAPSED: (f64, f64) = (1.0 / 240.0, 1.0);
 /// What the plain tracker followed in one frame.
 #[derive(Clone, Copy, Debug)]
 struct Sight {
-    before: Option<FrameBox>, // where the target was
+    before: Option<Position>, // where the target was
     track: Track,
     finding: Option<Finding>,
     slipped: bool, // the target had left the search region
@@ -211,9 +211,9 @@ impl FlightTracker {
     fn predict(&mut self, elapsed: Duration, frame: &Frame<'_>, target: &mut Target) {
         let dt = elapsed.as_secs_f64().clamp(ELAPSED.0, ELAPSED.1);
         let resized = self.tracker.adapt_to(frame).is_some_and(|c| c.from != c.to);
-        if resized && let Some(bbox) = self.tracker.target_box() {
+        if resized && let Some(position) = self.tracker.position() {
             // Nothing else that is remembered holds in other pixels.
-            *target = Target::new(&bbox);
+            *target = Target::new(&position.shown);
             self.judge.rivals.clear();
             self.search.give_up();
         }
@@ -230,7 +230,7 @@ impl FlightTracker {
     /// The plain tracker's look at the frame, and its wider look if the target may have left the
     /// search region.
     fn observe(&mut self, frame: &Frame<'_>, target: &Target) -> Result<Sight, TrackError> {
-        let before = self.tracker.target_box();
+        let before = self.tracker.position();
         let track = self.tracker.find(frame)?;
         let mut sight = Sight {
             before,
@@ -284,8 +284,8 @@ impl FlightTracker {
         if verdict.nothing
             && let Some(before) = sight.before
         {
-            self.tracker.place(before);
-            target.motion.move_to(&before);
+            self.tracker.restore(before);
+            target.motion.move_to(&before.shown);
         }
         if verdict.trust >= self.options.absent {
             target.motion.correct(&verdict.bbox, verdict.trust);
@@ -302,7 +302,7 @@ impl FlightTracker {
         self.judge.recognize(target, sure);
         target.drop_anchor(sure);
         let is_believed = verdict.presence >= f64::from(BELIEVED);
-        if self.standing.count(is_believed) {
+        if self.standing.count_belief(is_believed) {
             self.search.give_up();
         }
         self.decide(verdict.sighting, target);
@@ -359,12 +359,12 @@ impl FlightTracker {
             coast: self.options.coast,
             fresh: FRESH,
         };
-        let changes = self.standing.note(sighting, &limits);
+        let changes = self.standing.advance(sighting, &limits);
         if changes && self.standing.state == State::Coasting {
-            if let Some(bbox) = self.tracker.target_box()
-                && target.away(&bbox) > STRAYED
+            if let Some(position) = self.tracker.position()
+                && target.away(&position.shown) > STRAYED
             {
-                target.motion.move_to(&bbox);
+                target.motion.move_to(&position.shown);
             }
             self.search.give_up();
         }
@@ -407,7 +407,7 @@ impl FlightTracker {
         target: &mut Target,
         allowance: &mut Allowance,
     ) -> Result<(), TrackError> {
-        let followed = self.tracker.target_box();
+        let followed = self.tracker.position();
         let evidence = self.judge.evidence().copied();
         let anchored = target.anchored();
         let outcome = self.search(frame, &anchored, allowance)?;
@@ -422,8 +422,8 @@ impl FlightTracker {
             return Ok(());
         }
         self.judge.restore(evidence);
-        if let Some(bbox) = followed {
-            self.tracker.place(bbox);
+        if let Some(position) = followed {
+            self.tracker.restore(position);
         }
         Ok(())
     }
@@ -462,8 +462,8 @@ impl FlightTracker {
     /// The frame's result: the tracker's box if the target is seen, the predicted one if not.
     fn report(&self, frame: &Frame<'_>, target: &Target, searches: u32) -> FlightTrack {
         let state = self.standing.state;
-        let bbox = match self.tracker.target_box() {
-            Some(bbox) if state.is_seen() => bbox,
+        let bbox = match self.tracker.position() {
+            Some(position) if state.is_seen() => position.shown,
             _ => self.predicted(frame, target),
         };
         FlightTrack {

@@ -438,7 +438,7 @@ impl Search {
         let Some(mut tentative) = self.tentative.take() else {
             return Ok(None);
         };
-        let back = means.tracker.target_box();
+        let back = means.tracker.position();
         means.tracker.place(tentative.bbox);
         let track = means.tracker.find(means.frame)?;
         let finding = means.judge.examine(means.tracker, means.frame, None);
@@ -448,8 +448,8 @@ impl Search {
             !tentative.is_refuted()
         });
         let Some(finding) = finding else {
-            if let Some(bbox) = back {
-                means.tracker.place(bbox);
+            if let Some(position) = back {
+                means.tracker.restore(position);
             }
             return Ok(None);
         };

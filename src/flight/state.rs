@@ -136,7 +136,7 @@ impl Standing {
     }
 
     /// Moves on to the next state; returns whether it is another one.
-    pub(super) fn note(&mut self, sighting: Sighting, limits: &Limits) -> bool {
+    pub(super) fn advance(&mut self, sighting: Sighting, limits: &Limits) -> bool {
         match sighting {
             Sighting::Absent => self.absent_for += self.dt,
             Sighting::Present | Sighting::Doubtful => self.absent_for = 0.0,
@@ -162,7 +162,7 @@ impl Standing {
     }
 
     /// Counts a followed frame as believed or not; returns whether a long doubt ends with it.
-    pub(super) fn count(&mut self, believed: bool) -> bool {
+    pub(super) fn count_belief(&mut self, believed: bool) -> bool {
         let ends_doubt = believed && self.is_doubted();
         if believed {
             self.doubted = 0.0;

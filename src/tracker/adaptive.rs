@@ -64,6 +64,7 @@ mod tests {
         Choice {
             index: 0,
             bbox,
+            vote: bbox,
             score,
             response: 0.0,
             penalty: 1.0,

@@ -17,7 +17,7 @@ mod filter;
 mod select;
 mod view;
 
-use crate::bbox::{BBox, FrameBox};
+use crate::bbox::{BBox, CropBox, FrameBox};
 use crate::config::TrackConfig;
 use crate::error::TrackError;
 use crate::frame::{Frame, FrameSize};
@@ -152,15 +152,45 @@ impl SizeChange {
     }
 }
 
+/// Where the target is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Position {
+    /// The box that the next search is around: the best cell's, smoothed.
+    pub followed: FrameBox,
+    /// The box that is reported: the cells' vote, smoothed.
+    ///
+    /// It never steers a search. A vote lags behind a fast target, and the search would lose it.
+    pub shown: FrameBox,
+}
+
+impl Position {
+    /// The target at a box that is known.
+    fn at(bbox: FrameBox) -> Position {
+        Position {
+            followed: bbox,
+            shown: bbox,
+        }
+    }
+
+    /// Both boxes, mapped.
+    fn map(&self, to: impl Fn(&FrameBox) -> FrameBox) -> Position {
+        Position {
+            followed: to(&self.followed),
+            shown: to(&self.shown),
+        }
+    }
+}
+
 /// State of one target.
 #[derive(Clone, Copy, Debug)]
 struct Target {
-    bbox: FrameBox,
-    frame: FrameSize,  // of the last frame, in whose pixels the boxes are
-    first_side: f32,   // the shorter side of the first box
-    first_aspect: f32, // width over height of the first box
-    border: [u8; 3],   // mean color of the first frame, BGR
-    correction: Correction,
+    position: Position,
+    frame: FrameSize,            // of the last frame, in whose pixels the boxes are
+    first_side: f32,             // the shorter side of the first box
+    first_aspect: f32,           // width over height of the first box
+    border: [u8; 3],             // mean color of the first frame, BGR
+    correction: Correction,      // of every cell's box
+    vote_correction: Correction, // what a vote needs beyond that
 }
 
 impl Target {
@@ -175,7 +205,8 @@ impl Target {
 
     /// Stretch of the search region; see [`crop::stretch`].
     fn stretch(&self, config: &TrackConfig) -> f64 {
-        let aspect = f64::from(self.bbox.w) / f64::from(self.bbox.h);
+        let FrameBox { w, h, .. } = self.position.followed;
+        let aspect = f64::from(w) / f64::from(h);
         crop::stretch(aspect / f64::from(self.first_aspect), config.unstretch)
     }
 }
@@ -224,12 +255,13 @@ impl Tracker {
         check_box(frame, bbox)?;
         self.stages = Stages::default();
         let mut target = Target {
-            bbox: bbox.center(),
+            position: Position::at(bbox.center()),
             frame: frame.size(),
             first_side: bbox.w.min(bbox.h),
             first_aspect: bbox.w / bbox.h,
             border: frame.mean_bgr(),
             correction: Correction::NONE,
+            vote_correction: Correction::NONE,
         };
         let side = self.network.model().architecture().template_size;
         self.cut(frame, &target, side);
@@ -239,27 +271,28 @@ impl Tracker {
         }
         self.filter.clear();
         if self.config.correction > 0.0 || self.config.online_filter > 0.0 {
-            target.correction = self.search_first_frame(frame, &target);
+            self.search_first_frame(frame, &mut target);
         }
         self.target = Some(target);
         self.size_change = None;
         Ok(())
     }
 
-    /// Searches the first frame, whose true box is known: measures the network's error and begins
-    /// the filter.
-    fn search_first_frame(&mut self, frame: &Frame<'_>, target: &Target) -> Correction {
+    /// Searches the first frame, whose true box is known: measures the network's error and the
+    /// vote's, and begins the filter.
+    fn search_first_frame(&mut self, frame: &Frame<'_>, target: &mut Target) {
         let config = self.config;
         let seen = self.search(frame, target, 1.0, Extent::Full, &config);
         let selector = &self.views.of(Extent::Full).selector;
-        let truth = seen.placement.to_crop(&target.bbox);
+        let truth = seen.placement.to_crop(&target.position.followed);
         if config.online_filter > 0.0 {
             let spot = |response: &[f32]| selector.spot(&truth, response);
             self.filter.begin(&self.network, spot);
         }
-        seen.choice.map_or(Correction::NONE, |choice| {
-            Correction::between(&choice.bbox, &truth, config.correction)
-        })
+        if let Some(Choice { bbox, vote, .. }) = seen.choice {
+            target.correction = Correction::between(&bbox, &truth, config.correction);
+            target.vote_correction = Correction::between(&vote, &bbox, config.correction);
+        }
     }
 
     /// Finds the target in the next frame, near its last box, and learns its look there.
@@ -273,7 +306,7 @@ impl Tracker {
         let before = self.target.ok_or(TrackError::NoTarget)?;
         let track = self.find(frame)?;
         if self.has_slipped(&track) {
-            return Ok(self.look_wider(frame, before.bbox).unwrap_or(track));
+            return Ok(self.look_wider(frame, before.position).unwrap_or(track));
         }
         self.learn();
         Ok(track)
@@ -288,7 +321,7 @@ impl Tracker {
             to: frame.size(),
         };
         if change.from != change.to {
-            target.bbox = change.rescale(&target.bbox);
+            target.position = target.position.map(|bbox| change.rescale(bbox));
             target.first_side *= change.x().min(change.y());
             target.first_aspect *= change.x() / change.y();
             target.frame = change.to;
@@ -328,13 +361,13 @@ impl Tracker {
         Ok(self.follow(frame, target, &seen))
     }
 
-    /// Searches a wider region around the box `before`, for a target that may have moved faster
-    /// than the search region reaches.
+    /// Searches a wider region around the position `before`, for a target that may have moved
+    /// faster than the search region reaches.
     ///
     /// The target counts as found only if network and filter agree. Nothing is learned from it.
-    pub(crate) fn look_wider(&mut self, frame: &Frame<'_>, before: FrameBox) -> Option<Track> {
+    pub(crate) fn look_wider(&mut self, frame: &Frame<'_>, before: Position) -> Option<Track> {
         let target = Target {
-            bbox: before,
+            position: before,
             ..self.target?
         };
         let anywhere = TrackConfig {
@@ -348,19 +381,27 @@ impl Tracker {
         regained.then(|| self.follow(frame, target, &seen))
     }
 
-    /// Moves the target to the box that a search chose.
+    /// Moves the target to the boxes that a search chose.
     fn follow(&mut self, frame: &Frame<'_>, mut target: Target, seen: &Seen) -> Track {
         if let Some(choice) = &seen.choice {
-            let selector = &self.views.of(seen.extent).selector;
-            target.bbox = selector.smooth(choice, &target.bbox, &seen.placement, &self.config);
+            let Position { followed, shown } = target.position;
+            let toward = |found: &CropBox, previous: &FrameBox| {
+                choice.smooth(found, previous, &seen.placement, &self.config)
+            };
+            target.position = Position {
+                followed: toward(&choice.bbox, &followed),
+                shown: toward(&target.vote_correction.of(&choice.vote), &shown),
+            };
         }
         let min_size = target.min_size(&self.config);
-        target.bbox = target.bbox.clamped(frame.width(), frame.height(), min_size);
+        let (width, height) = (frame.width(), frame.height());
+        let clamped = |bbox: &FrameBox| bbox.clamped(width, height, min_size);
+        target.position = target.position.map(clamped);
         self.target = Some(target);
         let score = seen.choice.map_or(0.0, |choice| choice.score);
         let penalized_score = seen.choice.map_or(0.0, |choice| choice.penalized_score);
         Track {
-            bbox: target.bbox.corner(),
+            bbox: target.position.shown.corner(),
             score: score as f32,
             penalized_score: penalized_score as f32,
         }
@@ -399,7 +440,7 @@ impl Tracker {
             && choice.score.max(choice.response) >= LEARNED_FROM
             && selector.agrees(&choice.bbox, self.filter.response())
         {
-            let mut place = seen.placement.to_crop(&target.bbox);
+            let mut place = seen.placement.to_crop(&target.position.followed);
             place.cx = choice.bbox.cx;
             place.cy = choice.bbox.cy;
             let spot = |response: &[f32]| selector.spot(&place, response);
@@ -423,7 +464,7 @@ impl Tracker {
     ) -> Result<Seen, TrackError> {
         let mut target = self.target.ok_or(TrackError::NoTarget)?;
         self.stages = Stages::default();
-        target.bbox = self.clamped(frame, &around);
+        target.position = Position::at(self.clamped(frame, &around));
         let config = TrackConfig {
             window_influence,
             ..self.config
@@ -452,10 +493,10 @@ impl Tracker {
         config: &TrackConfig,
     ) -> Seen {
         let mut lap = Lap::start();
-        let around = target.bbox;
+        let around = target.position.followed;
         let mut zoomed = *target;
-        zoomed.bbox.w *= zoom as f32;
-        zoomed.bbox.h *= zoom as f32;
+        zoomed.position.followed.w *= zoom as f32;
+        zoomed.position.followed.h *= zoom as f32;
         let side = self.views.of(extent).side;
         let placement = self.cut(frame, &zoomed, side);
         self.stages.crop += lap.lap();
@@ -487,13 +528,20 @@ impl Tracker {
     /// motion. A no-op without a target.
     pub fn place(&mut self, bbox: FrameBox) {
         if let Some(target) = &mut self.target {
-            target.bbox = bbox;
+            target.position = Position::at(bbox);
         }
     }
 
-    /// The target's last box.
-    pub(crate) fn target_box(&self) -> Option<FrameBox> {
-        self.target.map(|target| target.bbox)
+    /// Where the target was last; what [`restore`](Self::restore) takes.
+    pub(crate) fn position(&self) -> Option<Position> {
+        self.target.map(|target| target.position)
+    }
+
+    /// Moves the target back to an earlier position. A no-op without a target.
+    pub(crate) fn restore(&mut self, position: Position) {
+        if let Some(target) = &mut self.target {
+            target.position = position;
+        }
     }
 
     /// The last search.
@@ -519,7 +567,7 @@ impl Tracker {
 
     /// Cuts the crop of `side` pixels around the target.
     fn cut(&mut self, frame: &Frame<'_>, target: &Target, side: usize) -> Placement {
-        let bbox = &target.bbox;
+        let bbox = &target.position.followed;
         let template_size = self.network.model().architecture().template_size;
         let context = self.config.context_amount;
         let stretch = target.stretch(&self.config);

@@ -23,6 +23,8 @@ pub(crate) struct Choice {
     pub index: usize,
     /// Its box; moved to the online filter's peak where the filter disagrees with it.
     pub bbox: CropBox,
+    /// The vote of the cells around it, moved likewise.
+    pub vote: CropBox,
     /// Score times centerness.
     pub score: f64,
     /// The online filter's response at the cell; 0 without a filter.
@@ -33,6 +35,8 @@ pub(crate) struct Choice {
     pub penalized_score: f64,
 }
 
+/// Least IoU with the chosen cell's box of a box that votes: some cells see another object.
+const ALIKE: f32 = 0.5;
 /// Least share of the response's maximum at which the online filter agrees with a box.
 const AGREED: f64 = 0.5;
 /// Least response at the filter's peak that may move a box.
@@ -147,6 +151,7 @@ impl Selector {
                 best = Some(Choice {
                     index,
                     bbox,
+                    vote: bbox,
                     score,
                     response,
                     penalty,
@@ -156,8 +161,63 @@ impl Selector {
         }
         best.map(|choice| Choice {
             bbox: self.drawn(choice.bbox, response),
+            vote: self.drawn(self.vote(outputs, &choice, config.voting), response),
             ..choice
         })
+    }
+
+    /// The box that the cells within the chosen cell's box vote for: a `share` of the way from that
+    /// box to the mean of all that overlap it.
+    ///
+    /// Every cell within the target sees it from another place, and their errors differ. The fourth
+    /// root of the score is a cell's weight.
+    ///
+    /// Source: docs/method.md, section 5.7.
+    fn vote(&self, outputs: &Outputs, choice: &Choice, share: f64) -> CropBox {
+        if share == 0.0 {
+            return choice.bbox;
+        }
+        let CropBox { cx, cy, w, h } = choice.bbox;
+        let mut sums = [0.0; 4];
+        let mut weights = 0.0;
+        for row in self.cells_within(cy, h) {
+            for column in self.cells_within(cx, w) {
+                let at = row * self.side() + column;
+                let bbox = self.decode(row, column, &outputs.ltrb[4 * at..][..4]);
+                let score = f64::from(outputs.score[at]);
+                // Written so that numbers that are not finite do not vote.
+                if !(score > 0.0 && score.is_finite() && bbox.iou(&choice.bbox) >= ALIKE) {
+                    continue;
+                }
+                let weight = score.sqrt().sqrt();
+                weights += weight;
+                for (sum, number) in sums.iter_mut().zip([bbox.cx, bbox.cy, bbox.w, bbox.h]) {
+                    *sum += weight * f64::from(number);
+                }
+            }
+        }
+        if weights == 0.0 {
+            return choice.bbox;
+        }
+        let toward = |own: f32, sum: f64| {
+            let own = f64::from(own);
+            (own + share * (sum / weights - own)) as f32
+        };
+        CropBox {
+            cx: toward(cx, sums[0]),
+            cy: toward(cy, sums[1]),
+            w: toward(w, sums[2]),
+            h: toward(h, sums[3]),
+        }
+    }
+
+    /// Rows of cells whose centers lie within a box, from its center and side along that axis;
+    /// columns likewise.
+    fn cells_within(&self, center: f32, side: f32) -> std::ops::Range<usize> {
+        let cell = |edge: f32| (f64::from(edge) - self.offset) / Architecture::TOTAL_STRIDE as f64;
+        let first = cell(center - side / 2.0).ceil().max(0.0) as usize;
+        let end = (cell(center + side / 2.0).floor() + 1.0).max(0.0) as usize;
+        first..end.min(self.side())
     }
 
     /// Side of a square response, and the number of cells before the score map's first.
@@ -264,26 +324,28 @@ impl Selector {
             h: (t + b + 1.0) as f32,
         }
     }
+}
 
-    /// The target's new box: the choice's position, and a size between the target's and the
-    /// choice's.
+impl Choice {
+    /// The target's new box: the position of the box `found`, and a size between `previous` and
+    /// `found`.
     ///
-    /// The step toward the choice's size is `penalty * score * size_lr`.
+    /// The step toward the found size is `penalty * score * size_lr`.
     pub(crate) fn smooth(
         &self,
-        choice: &Choice,
-        target: &FrameBox,
+        found: &CropBox,
+        previous: &FrameBox,
         placement: &Placement,
         config: &TrackConfig,
     ) -> FrameBox {
-        let size_lr = choice.penalty * choice.score * config.size_lr;
+        let size_lr = self.penalty * self.score * config.size_lr;
         let size = |previous: f32, new: f32| {
             (f64::from(previous) * (1.0 - size_lr) + f64::from(new) * size_lr) as f32
         };
-        let found = placement.to_frame(&choice.bbox);
+        let found = placement.to_frame(found);
         FrameBox {
-            w: size(target.w, found.w),
-            h: size(target.h, found.h),
+            w: size(previous.w, found.w),
+            h: size(previous.h, found.h),
             ..found
         }
     }
@@ -359,7 +421,7 @@ mod tests {
         let choice = selector
             .choose(&outputs, &[], previous, &config)
             .expect("a cell is usable");
-        let new = selector.smooth(&choice, &target, &placement, &config);
+        let new = choice.smooth(&choice.bbox, &target, &placement, &config);
 
         assert!((penalty - 0.9854368).abs() < 1e-7, "{penalty}");
         assert_eq!(choice.index, 8 * 17 + 8);
@@ -450,6 +512,48 @@ mod tests {
         assert_eq!(selector.drawn(at(13), &response), at(13), "too far");
         assert_eq!(selector.drawn(at(10), &faint), at(10), "too faint");
         assert_eq!(selector.drawn(at(8), &[]), at(8), "no filter");
+    }
+
+    #[test]
+    fn cells_within_the_box_that_see_the_same_object_vote() {
+        let selector = selector();
+        let mut outputs = outputs([20.0; 4]);
+        let best = 8 * 17 + 8;
+        outputs.score[best] = 0.5;
+        let near = best + 1; // half a side to the right, and twice as wide as high
+        outputs.score[near] = 0.5;
+        outputs.ltrb[4 * near..][..4].copy_from_slice(&[28.0, 20.0, 52.0, 20.0]);
+        let outside = best + 3; // of the best cell's box, though its own box is the same
+        outputs.score[outside] = 0.4;
+        outputs.ltrb[4 * outside..][..4].copy_from_slice(&[44.0, 20.0, -4.0, 20.0]);
+        let other = best + 2; // its box lies beside the best cell's
+        outputs.score[other] = 0.4;
+        let broken = best + 17;
+        outputs.score[broken] = 0.4;
+        outputs.ltrb[4 * broken..][..4].copy_from_slice(&[f32::NAN; 4]);
+        let own = selector.decode(8, 8, &[20.0; 4]);
+        let config = |voting| TrackConfig {
+            voting,
+            ..TrackConfig::default()
+        };
+        let vote = |voting| {
+            let choice = selector.choose(&outputs, &[], size(41.0, 41.0), &config(voting));
+            let choice = choice.expect("cells are usable");
+            assert_eq!((choice.index, choice.bbox), (best, own));
+            choice.vote
+        };
+
+        let none = vote(0.0);
+        let half = vote(0.5);
+        let all = vote(1.0);
+
+        assert_eq!(none, own);
+        // 41 and 81 wide, the second's center 12 + 8 pixels to the right.
+        assert_eq!(
+            (all.w, all.h, all.cx, all.cy),
+            (61.0, 41.0, own.cx + 10.0, own.cy)
+        );
+        assert_eq!((half.w, half.cx), (51.0, own.cx + 5.0));
     }
 
     #[test]

@@ -154,6 +154,9 @@ pub struct TrackerParams {
     /// Share of the target's change of aspect that the search region takes back; 0 if absent.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub unstretch: f64,
+    /// Share of the vote of neighboring cells in the reported box; 0 if absent.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub voting: f64,
 }
 
 fn is_zero(share: &f64) -> bool {
@@ -172,6 +175,7 @@ impl Default for TrackerParams {
             template_update: 0.0,
             online_filter: 0.0,
             unstretch: 0.0,
+            voting: 0.0,
         }
     }
 }
@@ -354,6 +358,7 @@ impl Header {
         )?;
         within("tracker.online_filter", tracker.online_filter, 0.0..=1.0)?;
         within("tracker.unstretch", tracker.unstretch, 0.0..=1.0)?;
+        within("tracker.voting", tracker.voting, 0.0..=1.0)?;
         if let Some(calibration) = &self.calibration {
             self.check_calibration(calibration)?;
         }

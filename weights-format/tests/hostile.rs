@@ -333,6 +333,11 @@ fn invalid_metadata_is_refused_by_field() {
             "`tracker.unstretch`",
         ),
         (
+            "voting",
+            metadata(|m| m["tracker"]["voting"] = json!(-1)),
+            "`tracker.voting`",
+        ),
+        (
             "penalty",
             metadata(|m| m["tracker"]["penalty_k"] = json!(1e9)),
             "`tracker.penalty_k`",

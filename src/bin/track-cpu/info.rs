@@ -128,7 +128,7 @@ fn about(header: &Header) -> String {
         "tracker",
         format!(
             "context_amount {}, size_lr {}, window_influence {}, penalty_k {}, min_size {}, \
-             correction {}, template_update {}, online_filter {}, unstretch {}",
+             correction {}, template_update {}, online_filter {}, unstretch {}, voting {}",
             t.context_amount,
             t.size_lr,
             t.window_influence,
@@ -137,7 +137,8 @@ fn about(header: &Header) -> String {
             t.correction,
             t.template_update,
             t.online_filter,
-            t.unstretch
+            t.unstretch,
+            t.voting
         ),
     );
     add(
@@ -194,6 +195,7 @@ fn as_json(header: &Header) -> Value {
             "template_update": t.template_update,
             "online_filter": t.online_filter,
             "unstretch": t.unstretch,
+            "voting": t.voting,
         },
         "parameters": a.parameters(),
         "macs_template": a.macs_template(),

@@ -272,7 +272,7 @@ pub fn quantize(args: args::Measure) -> Result<(), Error> {
 
 /// Constants that are tuned on sequences, in this order: name and setter.
 type Share = (&'static str, fn(&mut TrackerParams, f64));
-const WHILE_TRACKING: [Share; 3] = [
+const WHILE_TRACKING: [Share; 4] = [
     ("template update", |tracker, share| {
         tracker.template_update = share
     }),
@@ -280,6 +280,7 @@ const WHILE_TRACKING: [Share; 3] = [
         tracker.online_filter = share
     }),
     ("unstretch", |tracker, share| tracker.unstretch = share),
+    ("voting", |tracker, share| tracker.voting = share),
 ];
 
 /// `tune`.

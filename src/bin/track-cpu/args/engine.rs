@@ -48,11 +48,11 @@ pub struct EngineArgs {
     /// [default: int8 if the model allows it and the processor multiplies integers faster].
     #[arg(long, value_name = "NAME", value_parser = precision)]
     pub precision: Option<Precision>,
-    /// Track as published: without first-frame correction, template update, online filter and
-    /// stretched search regions.
+    /// Track as published: without first-frame correction, template update, online filter,
+    /// stretched search regions and voting.
     #[arg(
         long,
-        conflicts_with_all = ["correction", "template_update", "online_filter", "unstretch"]
+        conflicts_with_all = ["correction", "template_update", "online_filter", "unstretch", "voting"]
     )]
     pub as_published: bool,
     /// Share of the network's error in the first frame that is taken out of later boxes, 0 to 1.
@@ -67,6 +67,9 @@ pub struct EngineArgs {
     /// Share of the target's change of aspect that the search region takes back, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = share, hide = true)]
     pub unstretch: Option<f64>,
+    /// Share of the vote of neighboring cells in the reported box, 0 to 1.
+    #[arg(long, value_name = "SHARE", value_parser = share, hide = true)]
+    pub voting: Option<f64>,
     /// How much of the search region is looked at.
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Search::Full)]
     pub search: Search,
@@ -108,18 +111,26 @@ impl EngineArgs {
             self.template_update,
             self.online_filter,
             self.unstretch,
+            self.voting,
         ];
         let shares = shares.map(|share| share.or(published));
-        if shares == [None; 4] {
+        if shares == [None; 5] {
             return Model::with_precision(weights, self.isa(), precision);
         }
         let mut weights = weights.clone();
         let tracker = &mut weights.header.tracker;
-        let [correction, template_update, online_filter, unstretch] = shares;
+        let [
+            correction,
+            template_update,
+            online_filter,
+            unstretch,
+            voting,
+        ] = shares;
         tracker.correction = correction.unwrap_or(tracker.correction);
         tracker.template_update = template_update.unwrap_or(tracker.template_update);
         tracker.online_filter = online_filter.unwrap_or(tracker.online_filter);
         tracker.unstretch = unstretch.unwrap_or(tracker.unstretch);
+        tracker.voting = voting.unwrap_or(tracker.voting);
         Model::with_precision(&weights, self.isa(), precision)
     }
 

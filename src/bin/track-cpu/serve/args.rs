@@ -230,6 +230,7 @@ impl ServeArgs {
             "template_update": model.config().template_update,
             "online_filter": model.config().online_filter,
             "unstretch": model.config().unstretch,
+            "voting": model.config().voting,
             "mode": self.mode.name(),
             "thresholds": self.threshold,
         });

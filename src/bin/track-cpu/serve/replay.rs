@@ -84,9 +84,10 @@ fn engines(args: &ReplayArgs, log: &Reader) -> Result<Vec<TrackerEngine>, Failur
         as_published: false,
         correction: head["correction"].as_f64(),
         template_update: head["template_update"].as_f64(),
-        // Older logs have neither.
+        // Older logs lack these.
         online_filter: Some(head["online_filter"].as_f64().unwrap_or(0.0)),
         unstretch: Some(head["unstretch"].as_f64().unwrap_or(0.0)),
+        voting: Some(head["voting"].as_f64().unwrap_or(0.0)),
         search: Search::Full,
     };
     // Older logs have no thresholds of their own.

@@ -46,7 +46,7 @@ pub enum Command {
     #[command(allow_negative_numbers = true)]
     Quantize(Measure),
     /// Choose the tracker's constants for a weights file: correction, template update, online
-    /// filter and unstretching.
+    /// filter, unstretching and voting.
     #[command(allow_negative_numbers = true)]
     Tune(Tune),
     /// Write contact sheets of sampled pairs.
