@@ -1,10 +1,10 @@
 //! Choice of the tracker's constants for given weights, by tracking.
 //!
-//! Four constants are chosen. The correction, the share of the first frame's box error that is
-//! subtracted from later boxes, is the one with the highest IoU when a tracker that was initialized
-//! in one frame is placed near the target in another one. The shares of the template update, of the
-//! online filter in the score, and of the change of aspect that the search region takes back are
-//! those with the highest AUC on whole sequences.
+//! Five constants are chosen. The correction, the share of the first frame's error in size that is
+//! taken out of later boxes, is the one with the highest IoU when a tracker that was initialized in
+//! one frame is placed near the target in another one. The shares of the template update, of the
+//! online filter in the score, of the change of aspect that the search region takes back, and of
+//! the cells' vote are those with the highest AUC on whole sequences.
 
 use crate::data::Dataset;
 use crate::error::Error;
