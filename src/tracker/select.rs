@@ -1,6 +1,6 @@
-//! From score map and offsets to one box: penalty, window, best cell, size smoothing.
+//! From score map and offsets to one box: penalty, window, best cell, vote, size smoothing.
 //!
-//! Source: docs/method.md, sections 2.4 to 2.6.
+//! Source: docs/method.md, sections 2.4 to 2.6 and 5.7.
 
 use super::crop::{CropSize, Placement};
 use super::filter::Spot;
