@@ -52,7 +52,13 @@ pub struct EngineArgs {
     /// stretched search regions and voting.
     #[arg(
         long,
-        conflicts_with_all = ["correction", "template_update", "online_filter", "unstretch", "voting"]
+        conflicts_with_all = [
+            "correction",
+            "template_update",
+            "online_filter",
+            "unstretch",
+            "voting",
+        ]
     )]
     pub as_published: bool,
     /// Share of the network's error in the first frame that is taken out of later boxes, 0 to 1.

@@ -38,9 +38,10 @@ fails, ends or falls silent is opened again. SIGTERM and SIGINT end the program 
 
 Commands: {\"command\": \"start\", \"box\": [left, top, width, height]} in pixels; \"rectangle\": [left,
 top, right, bottom] or \"point\": [x, y] in shares of the frame in place of \"box\", and \"frame\": N if
-they were seen in that frame; {\"command\": \"stop\"}; {\"command\": \"state\"}. With --targets, start and
-stop may name a \"target\"; else start takes the lowest free number, and stop ends all. Each is
-answered once it is carried out: {\"done\": true}, or false with an \"error\"; an \"id\" is repeated.";
+they were seen in that frame; {\"command\": \"stop\"}; {\"command\": \"state\"}. With --targets,
+start and stop may name a \"target\"; else start takes the lowest free number and stop ends all. Each
+is answered once it is carried out: {\"done\": true}, or false with an \"error\"; an \"id\" is
+repeated.";
 
 /// `serve`.
 #[derive(Debug, clap::Args)]
