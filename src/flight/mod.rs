@@ -84,9 +84,6 @@ const EMPTY_SCORE: f64 = 0.3;
 const EMPTY_RESPONSE: f64 = 0.3;
 /// Log-odds by which another place must look more like the target than the followed box.
 const BETTER: f64 = 1.0;
-/// Least distance from the predicted place, in target sides, at which coasting starts at the last
-/// box.
-const STRAYED: f64 = 1.5;
 /// Shortest and longest time from frame to frame that counts, in seconds.
 const ELAPSED: (f64, f64) = (1.0 / 240.0, 1.0);
 
@@ -350,8 +347,8 @@ impl FlightTracker {
         }
     }
 
-    /// Moves on to the next state. Coasting starts where the target should be by its motion, unless
-    /// the last box has strayed from there: then at that box.
+    /// Moves on to the next state. Coasting starts where the target should be by its motion when it
+    /// was last surely seen: the boxes since have followed what hides it.
     fn decide(&mut self, sighting: Sighting, target: &mut Target) {
         let recovers = self.options.conduct == Conduct::Recover;
         let limits = Limits {
@@ -361,11 +358,7 @@ impl FlightTracker {
         };
         let changes = self.standing.advance(sighting, &limits);
         if changes && self.standing.state == State::Coasting {
-            if let Some(position) = self.tracker.position()
-                && target.away(&position.shown) > STRAYED
-            {
-                target.motion.move_to(&position.shown);
-            }
+            *target = target.anchored();
             self.search.give_up();
         }
     }
