@@ -97,6 +97,16 @@ pub enum ModelError {
         /// The file.
         path: PathBuf,
     },
+    /// The file is a checkpoint of this project's trainer.
+    #[error(
+        "{0}: a training checkpoint, expected a weights file: \
+         `train export {0} --out NAME.safetensors` makes one of it",
+        weights_format::brief(path.display())
+    )]
+    Training {
+        /// The file.
+        path: PathBuf,
+    },
     /// Neither a file nor a built-in model has this name.
     #[error("no file and no built-in model has the name {name}; built in are {known}")]
     UnknownName {

@@ -13,7 +13,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
-use weights_format::{Architecture, Header, InputNormalization, Layer, LayerKind, Weights};
+use weights_format::{
+    Architecture, Header, InputNormalization, Layer, LayerKind, ReadError, Weights,
+};
 
 /// A model that trackers share: cloning it is cheap.
 #[derive(Clone, Debug)]
@@ -103,6 +105,15 @@ fn is_checkpoint(path: &Path) -> bool {
     read.is_ok() && (&start == b"PK\x03\x04" || matches!(start, [0x80, 2..=5, ..]))
 }
 
+/// Whether a file was refused because its metadata are those of a training checkpoint.
+fn is_of_trainer(error: &ReadError) -> bool {
+    match error {
+        ReadError::File { error, .. } => is_of_trainer(error),
+        ReadError::Metadata { field, .. } => field == "trainer",
+        _ => false,
+    }
+}
+
 impl Model {
     /// The standard built-in model: DR-MIM at the paper's pruning ratio.
     pub fn builtin(isa: Isa) -> Model {
@@ -130,7 +141,8 @@ impl Model {
     /// [successor](Self::successor), or else a file. Without a name, the standard model.
     ///
     /// # Errors
-    /// As [`read`](Self::read). A PyTorch checkpoint and an unknown name are errors of their own.
+    /// As [`read`](Self::read). A checkpoint, of PyTorch or of `train`, and an unknown name are errors
+    /// of their own.
     pub fn find(model: Option<&Path>) -> Result<Weights, ModelError> {
         let Some(path) = model else {
             return Ok(Model::builtin_weights());
@@ -143,6 +155,8 @@ impl Model {
             let is_name = path.components().count() == 1 && path.extension().is_none();
             if is_checkpoint(path) {
                 ModelError::Checkpoint { path: path.into() }
+            } else if is_of_trainer(&error) {
+                ModelError::Training { path: path.into() }
             } else if is_name && !path.exists() {
                 ModelError::UnknownName {
                     name: weights_format::brief(path.display()),

@@ -68,6 +68,11 @@ impl Presence {
             .map_or_else(|| Presence::parse(DEFAULT), |note| Presence::parse(note))
     }
 
+    /// Whether a weights file brings coefficients of its own. Those of other weights judge it badly.
+    pub fn is_fitted(header: &Header) -> bool {
+        header.provenance.notes.contains_key(NOTE)
+    }
+
     /// Reads lines of `name value`: `bias`, `memory`, `gain`, `shift` and every name of [`NAMES`],
     /// each once; then, or not at all, `again.bias` and every name with `again.` before it. Without
     /// these a look is always weighed alike.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
+use track_cpu::flight::{Budget, FlightOptions, FlightTracker, Presence};
 use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker};
 
 use crate::args::track::TrackArgs;
@@ -117,6 +117,16 @@ impl Follower {
                 }
             }
         })
+    }
+}
+
+/// Tells the user if flight mode would judge these weights by the coefficients of others.
+pub fn note_unfitted(model: &Model) {
+    if !Presence::is_fitted(model.header()) {
+        eprintln!(
+            "note: the model has no presence coefficients, so a built-in model's are used; \
+             `flightlab calibrate` fits its own"
+        );
     }
 }
 

@@ -10,9 +10,10 @@ use serde_json::{Value, json};
 use track_cpu::BBox;
 use track_cpu::source::{BadFrames, Image, Input, OnBadFrame, Prefetch, Source};
 
+use crate::args::Mode;
 use crate::args::track::TrackArgs;
 use crate::exit::Failure;
-use crate::follow::{Follower, Found};
+use crate::follow::{Follower, Found, note_unfitted};
 use crate::pictures::Pictures;
 use crate::report::{progress, rounded};
 use crate::statistics::Times;
@@ -23,6 +24,9 @@ const AHEAD: usize = 3;
 /// Runs the sub-command.
 pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let model = args.engine.model(args.model.name())?;
+    if args.mode == Mode::Flight {
+        note_unfitted(&model);
+    }
     let source = Source::open(&Input {
         location: args.input.clone(),
         raw: args.raw.format(),

@@ -298,8 +298,11 @@ pub fn tune(args: args::Tune) -> Result<(), Error> {
         }
         weights.header.tracker.correction = best_share(&quality);
         if !validation.is_empty() {
-            for (name, set) in WHILE_TRACKING {
-                let reports = over_sequences(weights, &validation, set)?;
+            for (number, (name, set)) in (1..).zip(WHILE_TRACKING) {
+                let of = WHILE_TRACKING.len();
+                let reports = over_sequences(weights, &validation, set, |share| {
+                    eprintln!("{number} of {of}: {name} {share:.1}");
+                })?;
                 let quality = reports
                     .each_ref()
                     .map(|report| report.score().unwrap_or(0.0));
@@ -307,7 +310,8 @@ pub fn tune(args: args::Tune) -> Result<(), Error> {
                     println!("{name} {share:.1}: AUC {auc:.2}");
                 }
                 if let Some(auc) = leave_one_out(&reports) {
-                    println!("{name} chosen on the other sequences: AUC {auc:.2}");
+                    // Each sequence with the share that is best on all others.
+                    println!("{name}, leave-one-out over sequences: AUC {auc:.2}");
                 }
                 set(&mut weights.header.tracker, best_share(&quality));
             }

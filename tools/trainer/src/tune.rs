@@ -75,7 +75,7 @@ pub fn correction(
 }
 
 /// Accuracy over sequences for each of [`SHARES`], as `set` puts it into the tracker's
-/// hyper-parameters.
+/// hyper-parameters; `begins` hears of each share before its run.
 ///
 /// # Errors
 /// If the weights are not those of a network that can run.
@@ -83,10 +83,12 @@ pub fn over_sequences(
     weights: &Weights,
     sequences: &Validation,
     set: impl Fn(&mut TrackerParams, f64),
+    begins: impl Fn(f64),
 ) -> Result<[Report; SHARES.len()], Error> {
     let mut weights = weights.clone();
     let mut reports = SHARES.map(|_| Report::default());
     for (share, report) in SHARES.into_iter().zip(&mut reports) {
+        begins(share);
         set(&mut weights.header.tracker, share);
         *report = sequences.run(&weights, 2)?;
     }

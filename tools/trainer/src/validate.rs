@@ -127,12 +127,12 @@ impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "precision/AUC")?;
         for (name, accuracy) in [
-            ("clean", self.clean),
-            ("real", self.real),
-            ("flights", self.flights),
+            ("not trained on", self.clean),
+            ("all sequences", self.real),
+            ("rendered flights", self.flights),
         ] {
             if let Some(Accuracy { precision, auc }) = accuracy {
-                write!(f, " {name} {precision:.1}/{auc:.1}")?;
+                write!(f, ", {name} {precision:.1}/{auc:.1}")?;
             }
         }
         write!(f, " ({:.0} s)", self.seconds)

@@ -22,7 +22,9 @@ use station::commands::Place;
 use station::{Engine, Station};
 use track_cpu::{BBox, TrackError};
 
+use crate::args::Mode;
 use crate::exit::Failure;
+use crate::follow::note_unfitted;
 use args::ServeArgs;
 use engine::TrackerEngine;
 
@@ -42,6 +44,9 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         return Err(station::Error::output("--commands -", reason).into());
     }
     let model = args.engine.model(args.model.name())?;
+    if args.mode == Mode::Flight {
+        note_unfitted(&model);
+    }
     let (feed, repeats) = feed::open(args).map_err(station::Error::Source)?;
     let options = args.options(&model, repeats);
     let mut engines: Vec<Box<dyn Engine>> = Vec::new();

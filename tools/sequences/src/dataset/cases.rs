@@ -171,7 +171,7 @@ const CASES: &[Case] = &[
             folder.write("b/groundtruth.txt", boxes() + "20,40,24,18\n");
         },
         expected: &[("b", 8)],
-        words: &["b: 8 frames and 9 boxes: the shorter counts"],
+        words: &["b: 8 frames and 9 boxes: the rest is left out"],
     },
 ];
 

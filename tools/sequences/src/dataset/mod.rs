@@ -369,7 +369,7 @@ pub(crate) fn matched(
         let text = format!("only the first of {pictures} frames is annotated");
         notes.add(name, text);
     } else if boxes != pictures {
-        let text = format!("{pictures} frames and {boxes} boxes: the shorter counts");
+        let text = format!("{pictures} frames and {boxes} boxes: the rest is left out");
         notes.add(name, text);
         frames.truncate(boxes);
         annotation.truncate(pictures);

@@ -141,7 +141,7 @@ fn uavdt_is_found_in_its_own_and_in_repackaged_folders() {
         assert!(
             notes
                 .to_string()
-                .contains("S0101: 4 frames and 6 boxes: the shorter counts"),
+                .contains("S0101: 4 frames and 6 boxes: the rest is left out"),
             "{notes}"
         );
         assert!(

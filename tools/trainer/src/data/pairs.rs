@@ -35,7 +35,7 @@ impl Default for PairRules {
 }
 
 impl PairRules {
-    /// Whether a box may be in a pair. (The rule on its share of the frame is [`share_is_usable`].)
+    /// Whether a box may be in a pair. (The rule on its share of the frame is [`leaves_context`].)
     pub fn accepts(&self, bbox: &BBox) -> bool {
         let (short, long) = (bbox.w.min(bbox.h), bbox.w.max(bbox.h));
         short >= self.min_side && long < self.max_aspect * short
@@ -76,13 +76,12 @@ impl PairRules {
     }
 }
 
-/// Whether a box covers a usable share of its whole frame: more than 0.1 % and less than 60 %.
+/// Whether a box covers less than 60 % of its whole frame, so that there is context around it.
 ///
 /// The test in video_analyst has no effect, so `compat` leaves it out. It does not apply to crops
 /// of frames.
-pub fn share_is_usable(bbox: &BBox, width: usize, height: usize) -> bool {
-    let share = bbox.area() / (width * height) as f32;
-    share > 0.001 && share < 0.6
+pub fn leaves_context(bbox: &BBox, width: usize, height: usize) -> bool {
+    bbox.area() < 0.6 * (width * height) as f32
 }
 
 #[cfg(test)]
@@ -157,20 +156,12 @@ mod tests {
         assert!(!rules.accepts(&BBox::new(0.0, 0.0, 2.0, 8.0)));
         assert!(!rules.accepts(&BBox::new(0.0, 0.0, 10.0, 100.0)));
         assert!(rules.accepts(&BBox::new(0.0, 0.0, 99.0, 10.0)));
-        assert!(share_is_usable(
-            &BBox::new(0.0, 0.0, 40.0, 40.0),
-            1000,
-            1000
-        ));
-        assert!(!share_is_usable(
-            &BBox::new(0.0, 0.0, 30.0, 30.0),
-            1000,
-            1000
-        ));
-        assert!(!share_is_usable(
-            &BBox::new(0.0, 0.0, 800.0, 800.0),
-            1000,
-            1000
-        ));
+        // A target from the air is a speck of the frame.
+        let (speck, most) = (
+            BBox::new(0.0, 0.0, 12.0, 8.0),
+            BBox::new(0.0, 0.0, 800.0, 800.0),
+        );
+        assert!(leaves_context(&speck, 3840, 2160));
+        assert!(!leaves_context(&most, 1000, 1000));
     }
 }

@@ -1,6 +1,6 @@
 //! Targets and their annotated frames: the common form of all real data.
 
-use super::pairs::{PairRules, share_is_usable};
+use super::pairs::{PairRules, leaves_context};
 use super::picture::{Album, PictureId};
 use super::rows::Row;
 use super::sequences::Sequence;
@@ -114,8 +114,7 @@ impl Tracks {
     /// One track per sequence, grouped by data set; frames without a box, or with one that the
     /// rules refuse, are left out.
     ///
-    /// Boxes of less than 0.1 % or more than 60 % of the frame are refused too, but for rules that
-    /// are `compat`.
+    /// Boxes of more than 60 % of the frame are refused too, but for rules that are `compat`.
     pub fn from_sequences(
         sequences: Vec<Sequence>,
         album: &mut Album,
@@ -133,9 +132,10 @@ impl Tracks {
             };
             let good = |bbox: &BBox| {
                 rules.accepts(bbox)
-                    && (rules.compat || share_is_usable(bbox, width as usize, height as usize))
+                    && (rules.compat || leaves_context(bbox, width as usize, height as usize))
             };
             let mut shots = Vec::new();
+            let boxes = sequence.boxes.iter().flatten().count();
             for ((i, path), bbox) in sequence.frames.into_iter().enumerate().zip(sequence.boxes) {
                 if let Some(bbox) = bbox.filter(good) {
                     shots.push(Shot {
@@ -145,8 +145,16 @@ impl Tracks {
                     });
                 }
             }
+            if shots.len() < boxes {
+                let refused = boxes - shots.len();
+                skipped.add(
+                    sequence.name.clone(),
+                    format!("{refused} of {boxes} boxes: too thin, too small or too large"),
+                );
+            } else if boxes == 0 {
+                skipped.add(sequence.name.clone(), "no frame has a box".into());
+            }
             if shots.is_empty() {
-                skipped.add(sequence.name, "no frame with a usable box".into());
                 continue;
             }
             let group = sequence
