@@ -141,8 +141,8 @@ impl Model {
     /// [successor](Self::successor), or else a file. Without a name, the standard model.
     ///
     /// # Errors
-    /// As [`read`](Self::read). A checkpoint, of PyTorch or of `train`, and an unknown name are errors
-    /// of their own.
+    /// As [`read`](Self::read). A checkpoint, of PyTorch or of `train`, and an unknown name are
+    /// errors of their own.
     pub fn find(model: Option<&Path>) -> Result<Weights, ModelError> {
         let Some(path) = model else {
             return Ok(Model::builtin_weights());

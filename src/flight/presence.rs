@@ -68,7 +68,7 @@ impl Presence {
             .map_or_else(|| Presence::parse(DEFAULT), |note| Presence::parse(note))
     }
 
-    /// Whether a weights file brings coefficients of its own. Those of other weights judge it badly.
+    /// Whether a weights file brings coefficients of its own; those of others judge it badly.
     pub fn is_fitted(header: &Header) -> bool {
         header.provenance.notes.contains_key(NOTE)
     }
