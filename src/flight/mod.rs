@@ -348,7 +348,8 @@ impl FlightTracker {
     }
 
     /// Moves on to the next state. Coasting starts where the target should be by its motion when it
-    /// was last surely seen: the boxes since have followed what hides it.
+    /// was last surely seen: the boxes since have followed what hides it. In a picture of nothing
+    /// they have followed nothing, and stay.
     fn decide(&mut self, sighting: Sighting, target: &mut Target) {
         let recovers = self.options.conduct == Conduct::Recover;
         let limits = Limits {
@@ -358,7 +359,9 @@ impl FlightTracker {
         };
         let changes = self.standing.advance(sighting, &limits);
         if changes && self.standing.state == State::Coasting {
-            *target = target.anchored();
+            if !self.nothing {
+                *target = target.anchored();
+            }
             self.search.give_up();
         }
     }
