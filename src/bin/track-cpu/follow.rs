@@ -6,7 +6,7 @@ use track_cpu::flight::{Budget, FlightOptions, FlightTracker, Presence};
 use track_cpu::{BBox, Frame, Model, State, TrackError, Tracker};
 
 use crate::args::track::TrackArgs;
-use crate::args::{EngineArgs, Mode};
+use crate::args::{EngineArgs, Mode, Search};
 use crate::exit::Failure;
 
 /// Searches per frame while the target is lost: a number, not a time, so that every run gives the
@@ -120,13 +120,17 @@ impl Follower {
     }
 }
 
-/// Tells the user if flight mode would judge these weights by the coefficients of others.
-pub fn note_unfitted(model: &Model) {
+/// Tells the user if flight mode would judge these weights by the coefficients of others, or leaves
+/// an option without effect.
+pub fn note_flight(model: &Model, engine: &EngineArgs) {
     if !Presence::is_fitted(model.header()) {
         eprintln!(
             "note: the model has no presence coefficients, so a built-in model's are used; \
              `flightlab calibrate` fits its own"
         );
+    }
+    if engine.search == Search::Auto {
+        eprintln!("note: --search auto has no effect in flight mode, which looks everywhere");
     }
 }
 

@@ -13,7 +13,7 @@ use track_cpu::source::{BadFrames, Image, Input, OnBadFrame, Prefetch, Source};
 use crate::args::Mode;
 use crate::args::track::TrackArgs;
 use crate::exit::Failure;
-use crate::follow::{Follower, Found, note_unfitted};
+use crate::follow::{Follower, Found, note_flight};
 use crate::pictures::Pictures;
 use crate::report::{progress, rounded};
 use crate::statistics::Times;
@@ -25,7 +25,7 @@ const AHEAD: usize = 3;
 pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let model = args.engine.model(args.model.name())?;
     if args.mode == Mode::Flight {
-        note_unfitted(&model);
+        note_flight(&model, &args.engine);
     }
     let source = Source::open(&Input {
         location: args.input.clone(),

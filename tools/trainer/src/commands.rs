@@ -313,16 +313,19 @@ pub fn tune(args: args::Tune) -> Result<(), Error> {
                     // Each sequence with the share that is best on all others.
                     println!("{name}, leave-one-out over sequences: AUC {auc:.2}");
                 }
-                set(&mut weights.header.tracker, best_share(&quality));
+                let best = best_share(&quality);
+                println!("{name}: {best:.1} is chosen");
+                set(&mut weights.header.tracker, best);
             }
         }
         Ok(())
     })
 }
 
-/// The share of the highest quality.
+/// The share of the highest quality, and the least of those that are equal.
 fn best_share(quality: &[f64; SHARES.len()]) -> f64 {
-    let best = (0..SHARES.len()).max_by(|a, b| quality[*a].total_cmp(&quality[*b]));
+    let shares = (0..SHARES.len()).rev();
+    let best = shares.max_by(|a, b| quality[*a].total_cmp(&quality[*b]));
     best.map_or(0.0, |best| SHARES[best])
 }
 

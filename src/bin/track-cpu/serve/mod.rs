@@ -24,7 +24,7 @@ use track_cpu::{BBox, TrackError};
 
 use crate::args::Mode;
 use crate::exit::Failure;
-use crate::follow::note_unfitted;
+use crate::follow::note_flight;
 use args::ServeArgs;
 use engine::TrackerEngine;
 
@@ -45,7 +45,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
     }
     let model = args.engine.model(args.model.name())?;
     if args.mode == Mode::Flight {
-        note_unfitted(&model);
+        note_flight(&model, &args.engine);
     }
     let (feed, repeats) = feed::open(args).map_err(station::Error::Source)?;
     let options = args.options(&model, repeats);
