@@ -54,7 +54,7 @@ def read(path):
         array = np.frombuffer(data[begin:until], DTYPES[info["dtype"]]).reshape(info["shape"])
         assert np.isfinite(array).all(), name
         tensors[name], end = array.astype(np.float32), until
-    assert end == len(data), "bytes behind the last tensor"
+    assert end == len(data), "bytes after the last tensor"
     return meta, tensors
 
 

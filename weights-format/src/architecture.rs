@@ -13,7 +13,7 @@ pub struct Widths {
     pub backbone: [usize; 5],
     /// Classification neck. Template and search side are correlated, so they share the width.
     pub neck_cls: usize,
-    /// Regression neck, likewise.
+    /// Regression neck, also shared by template and search side.
     pub neck_reg: usize,
     /// The three convolutions of the classification tower.
     pub head_cls: [usize; 3],
@@ -22,7 +22,7 @@ pub struct Widths {
 }
 
 impl Widths {
-    /// The unpruned SiamFC++-AlexNet: 96/256/384/384/256 and 256 everywhere behind it.
+    /// The unpruned SiamFC++-AlexNet: 96/256/384/384/256 in the backbone, 256 everywhere after it.
     pub const FULL: Widths = Widths::uniform([96, 256, 384, 384, 256], 256);
 
     /// The given backbone widths, and one width for neck and head.
@@ -41,6 +41,8 @@ impl Widths {
     /// A layer of `C` filters keeps `floor(C * (1 - ratio))`.
     /// Source: paper section III-C; docs/method.md, section 1.6.
     pub fn pruned(ratio: f64) -> Widths {
+        // No tenth but 0 and 5 is exact in binary: the tenths and the small addend keep a product
+        // that should be whole from falling just below it.
         let keep = |c: usize| (c as f64 * (10.0 - 10.0 * ratio) / 10.0 + 1e-9).floor() as usize;
         Widths::uniform(Widths::FULL.backbone.map(keep), keep(256))
     }
@@ -172,7 +174,7 @@ pub struct Layer {
     pub pad: usize,
     /// Whether a ReLU follows.
     pub relu: bool,
-    /// Whether training has a BN behind it, which a weights file folds in.
+    /// Whether batch normalization (BN) follows in training; a weights file has it folded in.
     pub bn: bool,
     /// Side of the output map for the template crop; 0 where the layer does not run on it.
     pub out_template: usize,

@@ -122,7 +122,8 @@ fn split(bytes: &[u8]) -> Result<(Metadata, &[u8]), ReadError> {
     Ok((metadata, data))
 }
 
-fn decode(bytes: &[u8], dtype: Dtype) -> Vec<f32> {
+/// The values of a tensor from its little-endian bytes, of type F16 or F32.
+pub(crate) fn decode(bytes: &[u8], dtype: Dtype) -> Vec<f32> {
     match dtype {
         Dtype::F16 => bytes
             .as_chunks()

@@ -112,7 +112,8 @@ pub enum WriteError {
     },
 }
 
-/// Untrusted text, cut to 300 characters and without control characters, fit for a message.
+/// Makes untrusted text fit for a message: cuts it to 300 characters and replaces control
+/// characters.
 pub fn brief(text: impl ToString) -> String {
     const LONGEST: usize = 300;
     let text = text.to_string();

@@ -159,6 +159,27 @@ pub struct TrackerParams {
     pub voting: f64,
 }
 
+impl TrackerParams {
+    /// Checks the bounds of FORMAT.md.
+    fn check(&self) -> Result<(), ReadError> {
+        for (field, value, bounds) in [
+            ("context_amount", f64::from(self.context_amount), 0.0..=4.0),
+            ("size_lr", self.size_lr, 0.0..=1.0),
+            ("window_influence", self.window_influence, 0.0..=1.0),
+            ("penalty_k", self.penalty_k, 0.0..=10.0),
+            ("min_size", f64::from(self.min_size), 1.0..=1e4),
+            ("correction", self.correction, 0.0..=1.0),
+            ("template_update", self.template_update, 0.0..=1.0),
+            ("online_filter", self.online_filter, 0.0..=1.0),
+            ("unstretch", self.unstretch, 0.0..=1.0),
+            ("voting", self.voting, 0.0..=1.0),
+        ] {
+            within(&format!("tracker.{field}"), value, bounds)?;
+        }
+        Ok(())
+    }
+}
+
 fn is_zero(share: &f64) -> bool {
     *share == 0.0
 }
@@ -195,7 +216,7 @@ pub enum Storage {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// How and on which pictures the ranges were chosen, for people.
+    /// How and on which pictures the ranges were chosen; free text.
     pub method: String,
     /// Range of a convolution's input that 256 steps cover, by the convolution's name.
     ///
@@ -214,7 +235,7 @@ pub struct Range {
     pub high: f32,
 }
 
-/// Origin of the weights, for people.
+/// Origin of the weights; free text.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
@@ -224,6 +245,21 @@ pub struct Provenance {
     pub source: String,
     /// Further notes: a key and a text each.
     pub notes: BTreeMap<String, String>,
+}
+
+impl Provenance {
+    /// Checks that all of it can be shown on a terminal; notes may have several lines.
+    fn check(&self) -> Result<(), ReadError> {
+        printable("provenance.name", &self.name)?;
+        printable("provenance.source", &self.source)?;
+        for (key, text) in &self.notes {
+            printable("provenance.notes", key)?;
+            for line in text.split('\n') {
+                printable("provenance.notes", line)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The metadata object of a written file.
@@ -336,47 +372,11 @@ impl Header {
             ));
         }
         self.input.check()?;
-        let tracker = &self.tracker;
-        within(
-            "tracker.context_amount",
-            f64::from(tracker.context_amount),
-            0.0..=4.0,
-        )?;
-        within("tracker.size_lr", tracker.size_lr, 0.0..=1.0)?;
-        within(
-            "tracker.window_influence",
-            tracker.window_influence,
-            0.0..=1.0,
-        )?;
-        within("tracker.penalty_k", tracker.penalty_k, 0.0..=10.0)?;
-        within("tracker.min_size", f64::from(tracker.min_size), 1.0..=1e4)?;
-        within("tracker.correction", tracker.correction, 0.0..=1.0)?;
-        within(
-            "tracker.template_update",
-            tracker.template_update,
-            0.0..=1.0,
-        )?;
-        within("tracker.online_filter", tracker.online_filter, 0.0..=1.0)?;
-        within("tracker.unstretch", tracker.unstretch, 0.0..=1.0)?;
-        within("tracker.voting", tracker.voting, 0.0..=1.0)?;
+        self.tracker.check()?;
         if let Some(calibration) = &self.calibration {
             self.check_calibration(calibration)?;
         }
-        let Provenance {
-            name,
-            source,
-            notes,
-        } = &self.provenance;
-        let keys = notes.keys();
-        for text in [name, source].into_iter().chain(keys) {
-            printable(text, "text without control characters", |c| !c.is_control())?;
-        }
-        for text in notes.values() {
-            printable(text, "text without control characters but newlines", |c| {
-                !c.is_control() || c == '\n'
-            })?;
-        }
-        Ok(())
+        self.provenance.check()
     }
 
     fn check_calibration(&self, calibration: &Calibration) -> Result<(), ReadError> {
@@ -408,11 +408,7 @@ impl Header {
                 1e-6..=2e6,
             )?;
         }
-        printable(
-            &calibration.method,
-            "text without control characters",
-            |c| !c.is_control(),
-        )
+        printable("calibration.method", &calibration.method)
     }
 }
 
@@ -435,11 +431,12 @@ fn within(field: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Rea
     ))
 }
 
-fn printable(text: &str, expected: &str, good: impl Fn(char) -> bool) -> Result<(), ReadError> {
-    match text.chars().find(|&c| !good(c)) {
+/// Refuses control characters, which could change the terminal on which the text is shown.
+fn printable(field: &str, text: &str) -> Result<(), ReadError> {
+    match text.chars().find(|c| c.is_control()) {
         Some(c) => Err(ReadError::metadata(
-            "provenance",
-            expected,
+            field,
+            "text without control characters",
             format!("{c:?}"),
         )),
         None => Ok(()),

@@ -1,7 +1,8 @@
 //! The tracker's weights file: bytes <-> named, typed, checked tensors.
 //!
-//! [`Weights`] are a network's tensors with what they mean; reading refuses a file that has not
-//! exactly the tensors of its architecture, all finite. `FORMAT.md` is the normative description.
+//! [`Weights`] are a network's tensors with the metadata that give them a meaning. A file is
+//! refused unless it has exactly the tensors of its architecture, all finite. `FORMAT.md` is the
+//! normative description.
 //!
 //! ```
 //! use weights_format::{Architecture, Encoder, Weights, Widths};

@@ -1,4 +1,5 @@
-//! A network before folding: parameters with batch normalization and the head's scalars separate.
+//! A network before folding: batch normalization and the head's two scalars are tensors of their
+//! own.
 //!
 //! PyTorch and the trainer exchange this file; the tracker never reads it. It is a safetensors
 //! container of f32 tensors named `parameter.<name>`. Its only metadata key is `parameters`: an
@@ -9,12 +10,14 @@
 
 use crate::{
     architecture::{Architecture, LayerKind},
+    container,
     error::{ReadError, WriteError},
     file,
     header::InputNormalization,
-    weights::Tensor,
+    weights::{Tensor, check_tensors},
 };
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::tensor::{Metadata, TensorView};
+use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 use std::{
     collections::{BTreeMap, HashMap},
@@ -23,8 +26,11 @@ use std::{
 
 /// Largest file accepted: the unpruned network, the optimizer's state and the networks of training.
 const MAX_BYTES: u64 = 1 << 30;
+/// The only version of the format that this crate reads and writes.
 const FORMAT: u32 = 1;
+/// The key of the container's metadata that describes the network.
 const KEY: &str = "parameters";
+/// The key of the same description in a checkpoint of the trainer.
 const TRAINER: &str = "trainer";
 
 /// The trained parameters of a network.
@@ -39,12 +45,13 @@ pub struct Unfolded {
     pub architecture: Architecture,
     /// Normalization of the input pixels.
     pub input: InputNormalization,
-    /// Origin of the parameters, for people.
+    /// Origin of the parameters; free text.
     pub source: String,
     /// Every tensor by name.
     pub tensors: BTreeMap<String, Tensor>,
 }
 
+/// What the metadata say of a network.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Described {
@@ -63,6 +70,36 @@ struct Checkpoint {
 #[derive(Deserialize)]
 struct Options {
     architecture: Architecture,
+}
+
+impl Described {
+    /// Reads the description from a container's metadata: that of a file of parameters, or that of
+    /// a checkpoint of the trainer.
+    fn read(metadata: &Metadata) -> Result<Described, ReadError> {
+        let expected = "the description of a network";
+        let wrong = |key: &str, error| ReadError::metadata(key, expected, error);
+        let entries = metadata.metadata().as_ref();
+        let entry = |key: &str| entries.and_then(|entries| entries.get(key));
+        if let Some(text) = entry(KEY) {
+            let described: Described =
+                serde_json::from_str(text).map_err(|error| wrong(KEY, error))?;
+            if described.format != FORMAT {
+                return Err(ReadError::metadata("format", FORMAT, described.format));
+            }
+            return Ok(described);
+        }
+        let Some(text) = entry(TRAINER) else {
+            return Err(ReadError::metadata(KEY, expected, "no such key"));
+        };
+        let Checkpoint { options } =
+            serde_json::from_str(text).map_err(|error| wrong(TRAINER, error))?;
+        Ok(Described {
+            format: FORMAT,
+            architecture: options.architecture,
+            input: InputNormalization::TRAINED,
+            source: "a checkpoint of the track-cpu trainer".into(),
+        })
+    }
 }
 
 impl Unfolded {
@@ -110,47 +147,12 @@ impl Unfolded {
     pub fn from_bytes(bytes: &[u8]) -> Result<Unfolded, ReadError> {
         let malformed = |error| ReadError::container("container", "a safetensors file", error);
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(malformed)?;
-        let entry = |key: &str| {
-            metadata
-                .metadata()
-                .as_ref()
-                .and_then(|entries| entries.get(key))
-        };
-        let wrong =
-            |key: &str, error| ReadError::metadata(key, "the description of a network", error);
-        let described = match (entry(KEY), entry(TRAINER)) {
-            (Some(text), _) => {
-                serde_json::from_str::<Described>(text).map_err(|error| wrong(KEY, error))?
-            }
-            (None, Some(text)) => {
-                let Checkpoint { options } =
-                    serde_json::from_str(text).map_err(|error| wrong(TRAINER, error))?;
-                let input = InputNormalization::TRAINED;
-                let source = "a checkpoint of the track-cpu trainer".into();
-                Described {
-                    format: FORMAT,
-                    architecture: options.architecture,
-                    input,
-                    source,
-                }
-            }
-            (None, None) => {
-                return Err(ReadError::metadata(
-                    KEY,
-                    "a description of a network",
-                    "no such key",
-                ));
-            }
-        };
-        if described.format != FORMAT {
-            return Err(ReadError::metadata("format", FORMAT, described.format));
-        }
         let Described {
             architecture,
             input,
             source,
             ..
-        } = described;
+        } = Described::read(&metadata)?;
         architecture.check()?;
         input.check()?;
         let file = SafeTensors::deserialize(bytes).map_err(malformed)?;
@@ -166,13 +168,7 @@ impl Unfolded {
                 let found = format!("{:?} with shape {:?}", view.dtype(), view.shape());
                 return Err(ReadError::tensor(&name, expected(), found));
             }
-            let data = view
-                .data()
-                .as_chunks()
-                .0
-                .iter()
-                .map(|&b| f32::from_le_bytes(b))
-                .collect();
+            let data = container::decode(view.data(), Dtype::F32);
             tensors.insert(name, Tensor { shape, data });
         }
         let unfolded = Unfolded {
@@ -192,33 +188,14 @@ impl Unfolded {
     pub fn check(&self) -> Result<(), ReadError> {
         self.architecture.check()?;
         self.input.check()?;
-        let shapes = Unfolded::shapes(&self.architecture);
-        for (name, shape) in &shapes {
-            let tensor = self.tensors.get(name).filter(|tensor| {
-                tensor.shape == *shape && tensor.data.len() == shape.iter().product::<usize>()
-            });
-            let Some(tensor) = tensor else {
-                return Err(ReadError::tensor(
-                    name,
-                    format!("shape {shape:?}"),
-                    "another or none",
-                ));
-            };
-            if let Some(value) = tensor.data.iter().find(|value| !value.is_finite()) {
-                return Err(ReadError::tensor(name, "finite values", value));
-            }
-            if name.ends_with(".bn.variance") && tensor.data.iter().any(|value| *value < 0.0) {
-                return Err(ReadError::tensor(name, "no negative variance", "one"));
+        check_tensors(&self.tensors, &Unfolded::shapes(&self.architecture))?;
+        for (name, tensor) in &self.tensors {
+            let negative = tensor.data.iter().find(|value| **value < 0.0);
+            if let Some(value) = negative.filter(|_| name.ends_with(".bn.variance")) {
+                return Err(ReadError::tensor(name, "no negative variance", value));
             }
         }
-        match self
-            .tensors
-            .keys()
-            .find(|name| !shapes.iter().any(|(known, _)| known == *name))
-        {
-            Some(name) => Err(ReadError::tensor(name, "no tensor of this name", "one")),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     /// Writes a file atomically.
@@ -299,12 +276,13 @@ mod tests {
 
     #[test]
     fn parameters_survive_the_roundtrip_bit_by_bit() {
-        let path = std::env::temp_dir().join(format!("unfolded-{}", std::process::id()));
+        let folder = testing::Folder::new("unfolded");
+        let path = folder.join("unfolded.safetensors");
         let written = example();
+
         written.write(&path).unwrap();
-        let found = Unfolded::read(&path);
-        std::fs::remove_file(&path).unwrap();
-        assert_eq!(found.unwrap(), written);
+
+        assert_eq!(Unfolded::read(&path).unwrap(), written);
     }
 
     #[test]

@@ -71,51 +71,7 @@ impl Weights {
     /// Names the first field or tensor that is wrong.
     pub fn check(&self) -> Result<(), ReadError> {
         self.header.check()?;
-        let expected: BTreeMap<_, _> = self.header.architecture.tensors().into_iter().collect();
-        for (name, shape) in &expected {
-            let Some(tensor) = self.tensors.get(name) else {
-                return Err(ReadError::tensor(
-                    name,
-                    format!("shape {shape:?}"),
-                    "no such tensor",
-                ));
-            };
-            if tensor.shape != *shape {
-                return Err(ReadError::tensor(
-                    name,
-                    format!("shape {shape:?}"),
-                    format!("shape {:?}", tensor.shape),
-                ));
-            }
-            let elements: usize = shape.iter().product();
-            if tensor.data.len() != elements {
-                return Err(ReadError::tensor(
-                    name,
-                    format!("{elements} values"),
-                    tensor.data.len(),
-                ));
-            }
-            if let Some((i, value)) = tensor
-                .data
-                .iter()
-                .enumerate()
-                .find(|(_, value)| !value.is_finite())
-            {
-                return Err(ReadError::tensor(
-                    name,
-                    "finite values",
-                    format!("{value} at element {i}"),
-                ));
-            }
-        }
-        match self
-            .tensors
-            .keys()
-            .find(|name| !expected.contains_key(*name))
-        {
-            Some(name) => Err(ReadError::tensor(name, "no tensor of this name", "one")),
-            None => Ok(()),
-        }
+        check_tensors(&self.tensors, &self.header.architecture.tensors())
     }
 
     /// Weights of an untrained network, for tests and benchmarks.
@@ -161,6 +117,38 @@ impl Weights {
             );
         }
         weights
+    }
+}
+
+/// Checks that `tensors` are exactly the `expected` ones, by name and shape, with finite values.
+pub(crate) fn check_tensors(
+    tensors: &BTreeMap<String, Tensor>,
+    expected: &[(String, Vec<usize>)],
+) -> Result<(), ReadError> {
+    for (name, shape) in expected {
+        let shaped = || format!("shape {shape:?}");
+        let Some(tensor) = tensors.get(name) else {
+            return Err(ReadError::tensor(name, shaped(), "no such tensor"));
+        };
+        if tensor.shape != *shape {
+            let found = format!("shape {:?}", tensor.shape);
+            return Err(ReadError::tensor(name, shaped(), found));
+        }
+        let elements: usize = shape.iter().product();
+        if tensor.data.len() != elements {
+            let expected = format!("{elements} values");
+            return Err(ReadError::tensor(name, expected, tensor.data.len()));
+        }
+        let mut values = tensor.data.iter().enumerate();
+        if let Some((i, value)) = values.find(|(_, value)| !value.is_finite()) {
+            let found = format!("{value} at element {i}");
+            return Err(ReadError::tensor(name, "finite values", found));
+        }
+    }
+    let is_expected = |name: &String| expected.iter().any(|(known, _)| known == name);
+    match tensors.keys().find(|name| !is_expected(name)) {
+        Some(name) => Err(ReadError::tensor(name, "no tensor of this name", "one")),
+        None => Ok(()),
     }
 }
 

@@ -178,7 +178,7 @@ fn invalid_container_is_refused_by_part() {
     }
 }
 
-/// Eight tensors of 2^61 bytes less one: their end is all but the largest number there is.
+/// A header of eight tensors of `2^61 - 1` bytes each: the last one ends just below `2^64`.
 fn far() -> String {
     let mut header = serde_json::Map::new();
     for i in 0..8_u64 {
@@ -355,7 +355,17 @@ fn invalid_metadata_is_refused_by_field() {
         (
             "name",
             metadata(|m| m["provenance"]["name"] = json!("\u{1b}]0;x\u{7}")),
-            "text without control characters",
+            "`provenance.name`: expected text without control characters, found '\\u{1b}'",
+        ),
+        (
+            "a note's line",
+            metadata(|m| m["provenance"]["notes"]["x"] = json!("one\ntwo\r")),
+            "`provenance.notes`: expected text without control characters, found '\\r'",
+        ),
+        (
+            "a calibration's method",
+            metadata(|m| m["calibration"] = json!({"method": "\u{1b}[2J", "inputs": {}})),
+            "`calibration.method`: expected text without control characters",
         ),
         (
             "a note",
