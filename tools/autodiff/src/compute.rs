@@ -51,7 +51,7 @@ impl Compute {
         Compute::with_isa(threads, Isa::detect())
     }
 
-    /// The same, on a given instruction set.
+    /// As [`new`](Self::new), but on a given instruction set.
     ///
     /// # Errors
     /// If the system refuses to start the threads.

@@ -84,7 +84,7 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// None yet.
+    /// A set without parameters.
     pub fn new() -> Parameters {
         Parameters::default()
     }

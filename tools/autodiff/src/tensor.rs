@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "pool needs maps [batch, height, width, channels], found [2, 3]")]
-    fn pool_of_a_non_map_panics() {
+    fn maps_of_a_matrix_panics() {
         Tensor::zeros(&[2, 3]).maps("pool");
     }
 }

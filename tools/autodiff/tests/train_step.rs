@@ -8,7 +8,6 @@ use autodiff::{BoxDecoder, Compute, Mode, Parameters, Tape, Tensor};
 use kernels::Isa;
 use network::{Batch, Config, DrMim, Losses};
 use safetensors::SafeTensors;
-use std::path::{Path, PathBuf};
 
 const NARROW: Config = Config {
     backbone: [8, 16, 24, 24, 16],
@@ -17,16 +16,10 @@ const NARROW: Config = Config {
     flatten: Some(6),
 };
 
-/// The file of golden values, if it is there.
+/// The file of golden values, if the reference data are there.
 fn golden() -> Option<Vec<u8>> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let shared = std::env::var_os("TRACK_CPU_SHARED").map_or_else(beside, PathBuf::from);
-    let path = shared.join("golden/train_step.safetensors");
-    let bytes = std::fs::read(&path).ok();
-    if bytes.is_none() {
-        eprintln!("SKIPPED: no golden values at {}", path.display());
-    }
-    bytes
+    let path = testing::shared("golden/train_step.safetensors")?;
+    Some(std::fs::read(path).unwrap())
 }
 
 struct Golden<'a> {
@@ -166,9 +159,9 @@ fn training_step_equals_the_reference() {
     one_step_with(Compute::new(2).unwrap(), 1e-3);
 }
 
-/// Its rounding turns some of the ReLUs and maxima, and each of them moves the gradients below: two
-/// in E2 move its biases' by 6 %. That each convolution alone is exact, `winograd_changes_little`
-/// tests.
+/// Winograd's algorithm rounds differently, so some ReLUs and maxima choose the other side. Each of
+/// them changes the gradients of the layers before it: two in E2 change that of its biases by 6 %.
+/// `winograd_stays_near_the_direct_convolution` tests each convolution alone, more tightly.
 #[test]
 fn training_step_with_winograd_stays_near_the_reference() {
     one_step_with(Compute::new(2).unwrap().with_winograd(), 0.1);
@@ -236,10 +229,11 @@ fn one_step_with(compute: Compute, tolerance: f64) {
     }
 }
 
-/// In the fourth step one predicted edge comes within 0.0002 px of the true one, and a ReLU as
-/// close to 0. The gradient jumps there, and `f32` rounding decides the side. So the true edge is
-/// moved away by some thousandths of a pixel, more than the rounding and less than anything tested
-/// here, and one of the ways to do so must lead along the reference's path.
+/// In the fourth step one predicted edge comes within 0.0002 px of the true one, and one ReLU as
+/// close to 0. The gradient jumps there, and `f32` rounding decides which side it takes. So the
+/// test moves the true edge by some thousandths of a pixel, which is more than the rounding and
+/// less than its own tolerances, and expects that one of eight such moves leads to the reference's
+/// values.
 #[test]
 fn five_steps_equal_the_reference() {
     let Some(bytes) = golden() else { return };

@@ -1,11 +1,14 @@
-//! Focal loss on logits (docs/method.md, section 3.4): with `p = sigmoid(x)`, per point
-//! `-alpha (1 - p)^gamma ln p` where the label is 1 and `-(1 - alpha) p^gamma ln(1 - p)` where it
-//! is 0; points labeled -1 are left out. Summed over the batch, divided by the number of ones (at
-//! least 1).
+//! Focal loss on logits `x`, with `p = sigmoid(x)` (docs/method.md, sections 3.4 and 3.9).
 //!
-//! Gradient (docs/method.md, section 3.9): label 1 `alpha (1 - p)^gamma (gamma p ln p - (1 - p))`,
-//! label 0 `(1 - alpha) p^gamma (p - gamma (1 - p) ln(1 - p))`: the second is the first with `p`
-//! and `1 - p` exchanged and the sign turned.
+//! ```text
+//! label  loss of a point                    its gradient
+//!   1    -alpha (1 - p)^gamma ln p          alpha (1 - p)^gamma (gamma p ln p - (1 - p))
+//!   0    -(1 - alpha) p^gamma ln(1 - p)     (1 - alpha) p^gamma (p - gamma (1 - p) ln(1 - p))
+//!  -1    0                                  0
+//! ```
+//!
+//! The loss of a batch is the sum over its points, divided by the number of ones (at least 1). The
+//! code computes label 0 as label 1 with `p` and `1 - p` exchanged and the gradient negated.
 
 use super::one_over;
 use crate::{Tape, Tensor, Var};
@@ -46,8 +49,8 @@ impl Focal {
 }
 
 impl Tape<'_> {
-    /// The focal loss of `logits` against `labels` (1, 0, or -1 to leave out), any shape of as many
-    /// values.
+    /// The focal loss of `logits` against `labels` (1, 0, or -1 to ignore the point). Only the
+    /// number of labels matters, not their shape.
     ///
     /// Panics if there are not as many labels as logits.
     pub fn focal_loss(&mut self, logits: Var, labels: &Tensor, focal: Focal) -> Var {
@@ -98,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let mut x = noise(&[2, 2, 2, 1], 1);
         x.data_mut().iter_mut().for_each(|v| *v *= 4.0);
         let labels = Tensor::new(&[8], vec![1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 1.0, -1.0]);

@@ -1,15 +1,21 @@
-//! The Jensen-Shannon estimate of mutual information from a statistics network's scores
-//! (docs/method.md, section 3.7): `-mean softplus(-t) - mean softplus(t')`, with `t` scores of
-//! pairs that belong together and `t'` of pairs that do not. It is at most 0; scores of 0 give
-//! `-2 ln 2`. Training maximizes it.
+//! The Jensen-Shannon estimate of mutual information, from the scores that a statistics network
+//! gives to `n` pairs that belong together (`t`) and `n'` pairs that do not (`t'`); docs/method.md,
+//! sections 3.7 and 3.9.
 //!
-//! Gradient (docs/method.md, section 3.9): `sigmoid(-t) / n` and `-sigmoid(t') / n'`.
+//! ```text
+//! estimate = -mean softplus(-t) - mean softplus(t')
+//! gradient: sigmoid(-t) / n for each t, -sigmoid(t') / n' for each t'
+//! ```
+//!
+//! The estimate is at most 0, and `-2 ln 2` if all scores are 0. Training maximizes it.
 
 use crate::ops::{sigmoid, softplus};
 use crate::{Tape, Tensor, Var};
 
 impl Tape<'_> {
-    /// The estimate from `positive` and `negative` scores, each of any shape but empty.
+    /// The estimate from `positive` and `negative` scores, each of any shape.
+    ///
+    /// Panics if either is empty.
     pub fn information(&mut self, positive: Var, negative: Var) -> Var {
         let mut estimate = 0.0;
         let mut gradients = Vec::with_capacity(2);
@@ -40,7 +46,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn loss_has_its_golden_values() {
+    fn estimate_has_its_golden_values() {
         let estimate = |t: f32, u: f32| {
             let scores = [Tensor::full(&[2, 1], t), Tensor::full(&[3], u)];
             value_and_gradients(&scores, |tape, v| tape.information(v[0], v[1])).0
@@ -51,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let scores = [noise(&[2, 3], 1), noise(&[4], 2)];
         check(&scores, 0.1, 1e-4, |tape, v| tape.information(v[0], v[1]));
     }

@@ -1,36 +1,47 @@
 //! Box regression: `-ln IoU` of boxes that are decoded from a map of offsets (docs/method.md,
 //! sections 1.3, 3.4, 3.9).
 //!
-//! Column `ix`, row `iy` of the map is the point `(first + stride ix, first + stride iy)`. Its four
-//! values `o` become distances `e = stride exp(si o + bi)` to the left, top, right and bottom, and
-//! the box `(px - l, py - t, px + r, py + b)`. Sides count pixels inclusively: a box is
-//! `x1 - x0 + 1` wide. Points whose label is not 1 are left out; divided by the number of the
-//! others (at least 1).
+//! Each cell of the map has four offsets `o`, which become the distances `e` from the cell's point
+//! to the left, top, right and bottom edge of a box. Both corners are inside: the box is
+//! `x1 - x0 + 1` pixels wide.
 //!
-//! Gradient: with `I` the intersection and `U` the union, `-dI / I + (dA - dI) / U` with respect to
-//! each distance, where `A` is the predicted area; `dA` is the opposite side, and `dI` the
-//! intersection's opposite side where the predicted edge is the inner one, else 0. Then
-//! `de/do = e si`, `de/dsi = e o`, `de/dbi = e`.
+//! ```text
+//! point of column ix, row iy:   px = first + stride ix,  py = first + stride iy
+//! distances:                    e = [l, t, r, b] = stride exp(si o + bi)
+//! box (x0, y0, x1, y1):         (px - l, py - t, px + r, py + b)
+//! ```
+//!
+//! The loss is the mean over the cells whose label is 1; without any it is 0.
+//!
+//! Gradient, with `I` the intersection, `U` the union and `A` the area of the predicted box:
+//!
+//! ```text
+//! d(-ln IoU)/de = -dI / I + (dA - dI) / U
+//! dA/de         = the side of the box that is perpendicular to e
+//! dI/de         = the intersection's perpendicular side if the predicted edge is the inner one,
+//!                 else 0
+//! de/do = e si      de/dsi = e o      de/dbi = e
+//! ```
 
 use super::one_over;
 use crate::{Tape, Tensor, Var};
 
-/// How a map of offsets becomes boxes, and how far a loss may go.
+/// How a map of offsets becomes boxes, and the limits that keep the loss finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoxDecoder {
     /// Coordinate of the first row's and column's points, in crop pixels.
     pub first: f32,
-    /// From one point to the next, in crop pixels.
+    /// Distance between neighboring points, in crop pixels.
     pub stride: f32,
-    /// Where `si o + bi` is larger, it counts as this, and gets no gradient.
+    /// The limit of `si o + bi`. A larger exponent counts as this one and gets no gradient.
     pub max_exponent: f32,
-    /// Where the IoU is smaller, it counts as this, and gives no gradient.
+    /// The lower limit of the IoU. A smaller IoU counts as this one and gives no gradient.
     pub min_iou: f32,
 }
 
 impl BoxDecoder {
-    /// Stride 8 from `first` on; no limit on the exponent and the smallest normal number as that on
-    /// the IoU, as the reference implementation has it.
+    /// As in the reference implementation: stride 8, no limit of the exponent, and the smallest
+    /// normal number as the limit of the IoU.
     pub fn new(first: f32) -> BoxDecoder {
         BoxDecoder {
             first,
@@ -70,8 +81,9 @@ impl BoxDecoder {
     }
 }
 
-/// IoU of the box at distances `e` (left, top, right, bottom) around a point with `truth` (x0, y0,
-/// x1, y1), and the gradient of `-ln IoU` with respect to the distances; none if they do not meet.
+/// IoU of `truth` (x0, y0, x1, y1) and the box at the distances `e` (left, top, right, bottom) from
+/// a point, and the gradient of `-ln IoU` with respect to the distances. `None` if the boxes do not
+/// overlap.
 fn minus_log_iou([px, py]: [f64; 2], e: [f64; 4], truth: [f64; 4]) -> Option<(f64, [f64; 4])> {
     let (w, h) = (e[0] + e[2] + 1.0, e[1] + e[3] + 1.0);
     // How far the truth reaches from the point, in the four directions.
@@ -95,9 +107,9 @@ fn minus_log_iou([px, py]: [f64; 2], e: [f64; 4], truth: [f64; 4]) -> Option<(f6
 }
 
 impl Tape<'_> {
-    /// The loss of `offsets` (`[batch, H, W, 4]`) under scale `si` and shift `bi` (one value each)
-    /// against `boxes` (as many, x0, y0, x1, y1) at the cells whose label (`[batch, H, W, 1]`) is
-    /// 1.
+    /// The loss of `offsets` (`[batch, H, W, 4]`), decoded with scale `si` and shift `bi` (one
+    /// value each), against the true `boxes` (x0, y0, x1, y1; `[batch, H, W, 4]`). Only cells whose
+    /// label (`[batch, H, W, 1]`) is 1 count.
     ///
     /// Panics if the shapes do not fit each other.
     pub fn iou_loss(
@@ -205,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let mut inputs = vec![
             noise(&[2, 2, 3, 4], 1),
             Tensor::scalar(1.1),

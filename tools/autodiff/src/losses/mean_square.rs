@@ -1,6 +1,9 @@
-//! Mean square of differences over the items of a batch that count: `sum (a - b)^2 / n`, with `n`
-//! the number of their values (at least 1). Gradient `2 (a - b) / n` to `a` and its opposite to
-//! `b`; items that do not count get none.
+//! Mean square of the differences of two batches, over the items to keep:
+//!
+//! ```text
+//! loss = sum over kept items of (a - b)^2 / n     n = number of kept values, at least 1
+//! gradient: 2 (a - b) / n for a, the negative for b, 0 for the other items
+//! ```
 
 use super::one_over;
 use crate::{Tape, Tensor, Var};
@@ -39,7 +42,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let inputs = [noise(&[3, 2, 2], 1), noise(&[3, 2, 2], 2)];
         check(&inputs, 0.1, 1e-4, |tape, v| {
             tape.mean_square(v[0], v[1], &[true, false, true])

@@ -14,13 +14,13 @@ use crate::tape::Operation;
 use crate::vector::update1;
 use crate::{Tape, Tensor, Var};
 
-/// A scalar whose gradients are known already.
+/// The operation of a loss: its gradients are already computed, for a loss gradient of 1.
 struct Known {
     gradients: Vec<(Var, Tensor)>,
 }
 
 impl Tape<'_> {
-    /// Records a scalar loss of that value, given its gradients.
+    /// Records a scalar loss of this `value`, with its gradients by input.
     fn record_loss(&mut self, value: f64, gradients: Vec<(Var, Tensor)>) -> Var {
         let inputs: Vec<Var> = gradients.iter().map(|(var, _)| *var).collect();
         self.record(Tensor::scalar(value as f32), &inputs, Known { gradients })

@@ -1,6 +1,13 @@
-//! Quality loss (docs/method.md, section 3.4): binary cross-entropy of logits against targets in
-//! `[0, 1]`, less the targets' own entropy, so that a perfect fit is 0. Points whose target is 0
-//! are left out; divided by the number of the others (at least 1). Gradient `sigmoid(x) - target`.
+//! Quality loss (docs/method.md, section 3.4): binary cross-entropy of logits `x` against targets
+//! `t` in `[0, 1]`, minus the targets' own entropy, so that a perfect fit costs 0.
+//!
+//! ```text
+//! loss of a point = softplus(x) - x t - entropy(t)
+//! its gradient    = sigmoid(x) - t
+//! ```
+//!
+//! Points whose target is 0 do not count. The loss of a batch is the mean over the others, or 0 if
+//! there are none.
 
 use super::one_over;
 use crate::ops::{sigmoid, softplus};
@@ -13,7 +20,8 @@ fn entropy(t: f64) -> f64 {
 }
 
 impl Tape<'_> {
-    /// The quality loss of `logits` against `targets`, any shape of as many values.
+    /// The quality loss of `logits` against `targets`. Only the number of targets matters, not
+    /// their shape.
     ///
     /// Panics if there are not as many targets as logits.
     pub fn quality_loss(&mut self, logits: Var, targets: &Tensor) -> Var {
@@ -67,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let targets = Tensor::new(&[6], vec![0.5, 0.0, 1.0, 0.01, 0.99, 0.0]);
         check(&[noise(&[6], 1)], 0.1, 1e-4, |tape, v| {
             tape.quality_loss(v[0], &targets)

@@ -74,7 +74,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let inputs = [noise(&[2, 3], 1), noise(&[2, 3], 2)];
         check(&inputs, 0.25, 1e-5, |tape, v| tape.add(v[0], v[1]));
         check(&inputs[..1], 0.25, 1e-5, |tape, v| tape.add(v[0], v[0]));

@@ -10,8 +10,8 @@ struct Concat {
 }
 
 impl Tape<'_> {
-    /// The `inputs`' channels behind one another. Panics if there are none, or if they differ in
-    /// another extent.
+    /// The channels of all `inputs`, one input after the other. Panics if there are none, or if
+    /// they differ in another extent.
     pub fn concat(&mut self, inputs: &[Var]) -> Var {
         let outer = |tape: &Self, var: Var| {
             tape.shape(var)
@@ -71,7 +71,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let inputs = [
             noise(&[2, 3, 2], 1),
             noise(&[2, 3, 1], 2),
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_of_the_same_twice() {
+    fn an_input_given_twice_gets_both_gradients() {
         check(&[noise(&[2, 3], 1)], 0.25, 1e-5, |tape, v| {
             tape.concat(&[v[0], v[0]])
         });

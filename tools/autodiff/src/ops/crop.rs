@@ -60,7 +60,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let x = noise(&[2, 4, 5, 3], 1);
         check(std::slice::from_ref(&x), 0.25, 1e-5, |tape, v| {
             tape.crop(v[0], (1, 2), Size { h: 2, w: 3 })

@@ -87,7 +87,7 @@ mod tests {
     use crate::{Compute, Mode, Parameters};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let mut x = noise(&[3, 5], 1);
         x.data_mut().iter_mut().for_each(|v| *v *= 3.0);
         check(&[x.clone()], 0.05, 1e-4, |tape, v| tape.exp(v[0]));
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn far_from_zero() {
+    fn softplus_and_sigmoid_are_exact_far_from_zero() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);

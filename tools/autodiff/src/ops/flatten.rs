@@ -1,8 +1,8 @@
-//! Flattening a map with channels outermost, as PyTorch's layouts of the networks behind it have
-//! it.
+//! Flattening of a map with channels outermost: the order in which PyTorch's linear layers expect a
+//! map's values.
 //!
-//! Shapes: `[batch, H, W, C] -> [batch, C H W]`, value `(y, x, c)` at `(c H + y) W + x`. Backwards
-//! the other way round.
+//! Shapes: `[batch, H, W, C] -> [batch, C H W]`, with the value of `(y, x, c)` at
+//! `(c H + y) W + x`. The backward pass moves each gradient back.
 
 use crate::tape::Operation;
 use crate::{Tape, Tensor, Var};
@@ -60,7 +60,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         check(&[noise(&[2, 3, 4, 5], 1)], 0.25, 1e-5, |tape, v| {
             tape.flatten(v[0])
         });

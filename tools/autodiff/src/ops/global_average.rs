@@ -44,7 +44,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         check(&[noise(&[3, 2, 4, 5], 1)], 0.25, 1e-5, |tape, v| {
             tape.global_average(v[0])
         });

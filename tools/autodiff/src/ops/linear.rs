@@ -110,7 +110,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         for (rows, inputs, outputs) in [
             (&[3][..], 5, 4),
             (&[2, 2], 3, 1),

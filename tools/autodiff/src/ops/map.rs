@@ -107,7 +107,7 @@ mod tests {
     use crate::check::noise;
 
     #[test]
-    fn places_pixels_around_and_apart() {
+    fn placement_pads_and_spreads_an_image() {
         let from: Vec<f32> = (1..=4).map(|v| v as f32).collect();
         let place = |placement: Placement| {
             let mut to = vec![f32::NAN; placement.size.area()];
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_every_row_once() {
+    fn sum_positions_adds_every_row_once() {
         let compute = Compute::new(2).unwrap();
         for shape in [&[3, 9, 8, 5][..], &[7, 3], &[1, 200, 2]] {
             let x = noise(shape, 1);

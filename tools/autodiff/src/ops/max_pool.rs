@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         for shape in [[2, 5, 7, 3], [1, 6, 4, 17], [1, 3, 3, 1]] {
             let x = shuffled(&shape);
             assert_ne!(x.data().len() % 37, 0);
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn ties_go_to_the_first() {
+    fn gradient_of_a_tie_goes_to_the_first_maximum() {
         let compute = Compute::new(1).unwrap();
         let mut parameters = Parameters::new();
         let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);

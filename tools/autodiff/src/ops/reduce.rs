@@ -44,7 +44,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let x = noise(&[2, 3], 1);
         check(std::slice::from_ref(&x), 0.25, 1e-5, |tape, v| {
             tape.sum(v[0])

@@ -46,7 +46,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         for shift in [0, 1, 2, 4] {
             check(&[noise(&[3, 2], 1)], 0.25, 1e-5, |tape, v| {
                 tape.roll(v[0], shift)
@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn item_gets_the_next_one() {
+    fn every_item_gets_the_next_one() {
         let mut to = Tensor::zeros(&[3, 1]);
         roll(&Tensor::new(&[3, 1], vec![0.0, 1.0, 2.0]), &mut to, 1);
         assert_eq!(to.data(), [1.0, 2.0, 0.0]);

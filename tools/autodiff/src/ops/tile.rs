@@ -58,7 +58,7 @@ mod tests {
     use kernels::Size;
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         let size = Size { h: 2, w: 3 };
         check(&[noise(&[3, 5], 1)], 0.25, 1e-5, |tape, v| {
             tape.tile(v[0], size)

@@ -114,7 +114,7 @@ mod tests {
     use crate::check::{check, noise};
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         for (h, w, side, channels) in [(4, 5, 2, 3), (4, 4, 4, 1), (5, 3, 1, 17)] {
             let inputs = [
                 noise(&[2, h, w, channels], 1),

@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn loss_has_its_golden_values() {
+    fn schedule_has_the_reference_rates() {
         let schedule = WarmupCosine::paper(20, 12_500);
         for (epoch, step, rate) in [
             (0, 0, 1e-6),

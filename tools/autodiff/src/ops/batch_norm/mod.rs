@@ -1,22 +1,28 @@
 //! Batch normalization per channel: `y = gamma (x - mean) / sqrt(variance + 1e-5) + beta`, then
 //! ReLU if asked for.
 //!
-//! In training `mean` and `variance` (biased, over batch and positions, `m` values) are the
-//! batch's, and the running ones follow with momentum 0.1 (the running variance is the unbiased
-//! `m / (m - 1)` one). In evaluation they are the running ones, and constants on the backward pass
+//! In training `mean` and `variance` are those of the batch, over its `m` images and positions. The
+//! running ones then move toward them with momentum 0.1. The batch is normalized with the biased
+//! variance; the running variance follows the unbiased one, `m / (m - 1)` times as large. In
+//! evaluation the running ones are used, and the backward pass takes them as constants
 //! (docs/method.md, sections 1.1, 3.9).
 //!
-//! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`. Backwards, with `g` the
-//! gradient of `y` (zeroed where ReLU was), `n` the normalized input and
+//! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`.
+//!
+//! Backwards, with `g` the gradient of `y` (0 where ReLU cut off), `n` the normalized input and
 //! `a = gamma / sqrt(variance + 1e-5)`:
-//! - `dbeta = sum g`, `dgamma = sum g n`;
-//! - training: `dx = a (g - dbeta / m - n dgamma / m)`; evaluation: `dx = a g`.
+//!
+//! ```text
+//! dbeta = sum g      dgamma = sum g n
+//! dx    = a (g - dbeta / m - n dgamma / m)     in training
+//! dx    = a g                                  in evaluation
+//! ```
 
 mod moments;
 mod passes;
 
 use crate::tape::Operation;
-use crate::{Mode, ParameterId, Tape, Tensor, Var};
+use crate::{Compute, Mode, ParameterId, Tape, Tensor, Var};
 use moments::Moments;
 use passes::{Affine, Differentiate, Normalize, Sums};
 
@@ -59,33 +65,8 @@ impl Tape<'_> {
             assert_eq!(shape, [channels], "batch_norm of {channels} channels");
         }
         let (mean, variance) = match self.mode {
-            Mode::Training => {
-                let Moments {
-                    mean,
-                    squares,
-                    count,
-                } = Moments::of(self.compute, self.value(x), part_len(self.value(x)));
-                let variance: Vec<f64> = squares.iter().map(|s| s / count).collect();
-                let unbiased = |s: f64| s / (count - 1.0).max(1.0);
-                follow(
-                    self.parameters[running.mean].value.data_mut(),
-                    mean.iter().copied(),
-                );
-                let squares = squares.iter().map(|s| unbiased(*s));
-                follow(self.parameters[running.variance].value.data_mut(), squares);
-                (mean, variance)
-            }
-            Mode::Evaluation => {
-                let values = |id| {
-                    self.parameters[id]
-                        .value
-                        .data()
-                        .iter()
-                        .map(|v| f64::from(*v))
-                        .collect::<Vec<_>>()
-                };
-                (values(running.mean), values(running.variance))
-            }
+            Mode::Training => self.batch_statistics(x, running),
+            Mode::Evaluation => self.running_statistics(running),
         };
         assert!(
             rows > 0 && mean.len() == channels && variance.len() == channels,
@@ -122,6 +103,32 @@ impl Tape<'_> {
         };
         self.record(out, &[x, gamma, beta], operation)
     }
+
+    /// Mean and biased variance of `x` per channel; the `running` statistics follow.
+    fn batch_statistics(&mut self, x: Var, running: RunningStatistics) -> (Vec<f64>, Vec<f64>) {
+        let x = self.value(x);
+        let Moments {
+            mean,
+            squares,
+            count,
+        } = Moments::of(self.compute, x, part_len(x));
+        let unbiased = squares.iter().map(|s| s / (count - 1.0).max(1.0));
+        let running_mean = &mut self.parameters[running.mean].value;
+        follow(running_mean.data_mut(), mean.iter().copied());
+        let running_variance = &mut self.parameters[running.variance].value;
+        follow(running_variance.data_mut(), unbiased);
+        let variance = squares.iter().map(|s| s / count).collect();
+        (mean, variance)
+    }
+
+    /// The `running` mean and variance.
+    fn running_statistics(&self, running: RunningStatistics) -> (Vec<f64>, Vec<f64>) {
+        let values = |id| {
+            let statistic = self.parameters[id].value.data();
+            statistic.iter().map(|v| f64::from(*v)).collect()
+        };
+        (values(running.mean), values(running.variance))
+    }
 }
 
 /// Moves running statistics a step toward the batch's.
@@ -136,11 +143,15 @@ fn part_len(x: &Tensor) -> usize {
     x.data().len() / x.shape()[0]
 }
 
-impl Operation for BatchNorm {
-    fn backward(&self, tape: &mut Tape, _: &Tensor, mut gradient: Tensor) {
-        let compute = tape.compute;
-        let x = tape.value(self.x);
-        let (rows, channels) = x.rows("batch_norm");
+impl BatchNorm {
+    /// `dbeta` and `dgamma`. Where ReLU cut off, zeroes `gradient` in place.
+    fn parameter_gradients(
+        &self,
+        compute: &Compute,
+        x: &Tensor,
+        gradient: &mut Tensor,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let channels = self.deviation.len();
         let part = part_len(x);
         let mut sums = vec![0.0f64; 2 * channels * x.shape()[0]];
         compute.each2(
@@ -156,14 +167,23 @@ impl Operation for BatchNorm {
                 });
             },
         );
-        let total = |c: usize| sums[c..].iter().step_by(2 * channels).sum::<f64>();
-        let beta: Vec<f64> = (0..channels).map(total).collect();
+        let total = |i: usize| sums[i..].iter().step_by(2 * channels).sum::<f64>();
+        let beta = (0..channels).map(total).collect();
         let gamma = self
             .deviation
             .iter()
             .enumerate()
             .map(|(c, deviation)| total(channels + c) / deviation);
-        let gamma: Vec<f64> = gamma.collect();
+        (beta, gamma.collect())
+    }
+}
+
+impl Operation for BatchNorm {
+    fn backward(&self, tape: &mut Tape, _: &Tensor, mut gradient: Tensor) {
+        let compute = tape.compute;
+        let x = tape.value(self.x);
+        let (rows, channels) = x.rows("batch_norm");
+        let (beta, gamma) = self.parameter_gradients(compute, x, &mut gradient);
 
         if tape.needs_gradient(self.x) {
             let (shift, slope) = match self.mode {
@@ -180,6 +200,7 @@ impl Operation for BatchNorm {
                 }
                 Mode::Evaluation => (vec![0.0; channels], vec![0.0; channels]),
             };
+            let part = part_len(x);
             compute.each(gradient.data_mut(), part, |i, gradient| {
                 let x = &x.data()[i * part..][..part];
                 compute.isa().run(Differentiate {
@@ -202,8 +223,8 @@ impl Operation for BatchNorm {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Parameters;
     use crate::check::{check_with, noise};
-    use crate::{Compute, Parameters};
 
     fn parameters(channels: usize) -> (Parameters, RunningStatistics) {
         let mut parameters = Parameters::new();
@@ -213,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_in_training() {
+    fn training_gradients_equal_finite_differences() {
         for shape in [&[2, 3, 3, 4][..], &[5, 2], &[1, 9, 8, 1]] {
             let channels = *shape.last().unwrap();
             let (mut parameters, running) = parameters(channels);
@@ -229,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_in_evaluation() {
+    fn evaluation_gradients_equal_finite_differences() {
         let (mut parameters, running) = parameters(3);
         let inputs = [noise(&[2, 2, 2, 3], 1), noise(&[3], 2), noise(&[3], 3)];
         check_with(&mut parameters, &inputs, 0.1, 1e-5, |tape, v| {
@@ -239,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_through_relu() {
+    fn relu_gradients_equal_finite_differences() {
         // Normalized to about +-1.2 and +-0.4 with beta 0.1: the check's step carries none of them
         // across 0.
         let x = Tensor::new(&[4, 1], vec![3.0, 4.0, 5.0, 6.0]);

@@ -20,7 +20,7 @@ impl Moments {
         }
     }
 
-    /// Of `x` (`[.., channels]`), measured in parts of `part` values.
+    /// The moments of `x` (`[.., channels]`), measured in parts of `part` values.
     pub fn of(compute: &Compute, x: &Tensor, part: usize) -> Moments {
         let (_, channels) = x.rows("batch_norm");
         let mut parts = vec![Moments::none(channels); x.shape()[0]];

@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients() {
+    fn gradients_equal_finite_differences() {
         for (kernel, stride, pad) in [
             (1, 1, 0),
             (3, 1, 0),
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_at_wide_channels() {
+    fn gradients_of_many_channels_equal_finite_differences() {
         check_shape(
             1,
             Size { h: 3, w: 4 },
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn winograd_changes_little() {
+    fn winograd_stays_near_the_direct_convolution() {
         for (side, cin, cout, kernel, stride, pad) in [
             (13, 64, 64, 3, 1, 1),
             (40, 8, 16, 5, 1, 0),
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_through_relu() {
+    fn relu_gradients_equal_finite_differences() {
         // Outputs are whole and half numbers away from 0, far more than the check's step moves
         // them.
         let x = Tensor::new(&[1, 2, 2, 1], vec![1.0, -2.0, 3.0, -4.0]);
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_bias() {
+    fn gradients_without_a_bias_equal_finite_differences() {
         let (x, weights) = (noise(&[1, 3, 3, 2], 4), noise(&[2, 2, 2, 2], 5));
         check(&[x, weights], 0.25, 1e-5, |tape, v| {
             tape.conv2d(v[0], v[1], None, Conv2d::default())

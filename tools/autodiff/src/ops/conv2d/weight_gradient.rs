@@ -13,7 +13,7 @@
 //!   for each strip of output rows            its inputs and gradients stay in the L2 cache
 //!     for each block of channel vectors      its gradients stay in the L1 cache
 //!       for each kernel row, each tile of inputs
-//!         for each position of the strip     <- the hot loop, in `tile`
+//!         for each position of the strip     the hot loop, in `Tile::run`
 //! ```
 
 use super::winograd_gradient;
@@ -23,12 +23,12 @@ use kernels::Size;
 use kernels::conv::ConvShape;
 use kernels::simd::{Kernel, Simd};
 
-/// Images that are summed before the parts are: few enough to keep threads busy, enough to make the
-/// sum over parts cheap.
+/// Images of one part: few enough to keep all threads busy, enough to make the sum over the parts
+/// cheap.
 pub(super) const PART_IMAGES: usize = 4;
 
 /// Output channels that are summed together at the end: a cache line of them.
-const CHANNELS: usize = 16;
+pub(super) const CHANNELS: usize = 16;
 
 /// Output positions of one strip, if a row is not longer.
 const STRIP: usize = 128;
@@ -50,7 +50,7 @@ pub(super) fn weight_gradient(
     }
 }
 
-/// The same, always by the sum itself.
+/// The gradient of `[Cout, k, k, Cin]` by the sum of products, without Winograd's algorithm.
 pub(super) fn direct(
     compute: &Compute,
     shape: &ConvShape,
@@ -106,7 +106,7 @@ pub(super) fn direct(
     out
 }
 
-/// One image's share.
+/// Adds one image's share of the gradient to `out`.
 struct WeightGradient<'a> {
     shape: &'a ConvShape,
     input: &'a [f32], // [size.h, size.w, Cin], padding included
@@ -173,13 +173,13 @@ impl Kernel for WeightGradient<'_> {
 
 /// One register tile: neighboring inputs of a window's row x a block of output channels.
 pub(super) struct Tile<'a> {
-    pub input: &'a [f32],    // from the first position's first input on
-    pub input_row: usize,    // from one output row's to the next one's
-    pub input_step: usize,   // from one position's to the next one's
+    pub input: &'a [f32],    // starts at the first position's first input
+    pub input_row: usize,    // step from one output row to the next
+    pub input_step: usize,   // step from one position to the next
     pub gradient: &'a [f32], // [rows, width, VECTORS * LANES]
     pub width: usize,
-    pub out: &'a mut [f32], // from the first input's first channel on, added to
-    pub out_step: usize,    // from one input to the next
+    pub out: &'a mut [f32], // starts at the first input's first channel; added to
+    pub out_step: usize,    // step from one input to the next
     pub used: usize,        // channels of the block that exist
 }
 
@@ -202,6 +202,15 @@ impl Tile<'_> {
         }
     }
 
+    /// The hot loop: all sums of the tile stay in registers.
+    ///
+    /// ```text
+    /// for each position of the strip
+    ///   load the gradients of its VECTORS vectors of output channels
+    ///   for each of the INPUTS inputs
+    ///     sums[input] += input * gradients
+    /// add the sums to `out`
+    /// ```
     #[inline(always)]
     fn run<S: Simd, const INPUTS: usize, const VECTORS: usize>(self, simd: S) {
         if INPUTS > S::TILE_PIXELS[VECTORS] {

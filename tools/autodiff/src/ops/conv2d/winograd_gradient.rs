@@ -14,7 +14,7 @@
 //! Tiles of several images fill a strip; a full strip is multiplied, point by point, in the
 //! register tiles of [`weight_gradient`](super::weight_gradient).
 
-use super::weight_gradient::{PART_IMAGES, Tile};
+use super::weight_gradient::{CHANNELS, PART_IMAGES, Tile};
 use crate::ops::map::Placement;
 use crate::{Compute, Tensor};
 use kernels::Size;
@@ -33,7 +33,8 @@ const MAX_POINTS: usize = 8;
 /// Points along one side of a tile where this algorithm is expected to be faster than the direct
 /// one.
 pub(super) fn points(shape: &ConvShape, batch: usize, out: Size) -> Option<usize> {
-    // In multiply-accumulates of the register tile, as in `Algorithm::plan`.
+    // Costs in multiply-accumulates of the register tile, as in `Algorithm::cost`: transforming one
+    // value of one channel, and adding one product to `U'`.
     const TRANSFORMED_VALUE: usize = 22;
     const SUM: usize = 12;
     let points = match shape.kernel {
@@ -128,29 +129,36 @@ pub(super) fn weight_gradient(
     out
 }
 
-/// Tiles in the transformed domain, waiting to be multiplied.
+/// Transformed tiles of inputs and gradients that are not multiplied yet.
 struct Strip<'a> {
     shape: &'a ConvShape,
     points: usize,
     filled: usize,         // tiles
-    inputs: &'a mut [f32], // [points^2][STRIP_TILES, Cin], and a cache line between points
-    // [points^2][block][STRIP_TILES, vectors of the block * LANES], likewise
+    inputs: &'a mut [f32], // [points^2][STRIP_TILES, Cin], every `input_step`
+    // [points^2][block][STRIP_TILES, vectors of the block * LANES], every `gradient_step`
     gradients: &'a mut [f32],
     sums: &'a mut [f32], // [points^2][Cin, Cout], added to
 }
 
-/// Widest vector there is, in lanes: rows of gradients are padded to it at most.
+/// Lanes of the widest vector. Rows of gradients are padded to at most this many.
 const MAX_LANES: usize = 16;
 
+/// Values of one cache line. Points lie a line further apart than they need to, so that they do not
+/// all compete for the same sets of the cache.
+const LINE: usize = 16;
+
 impl<'a> Strip<'a> {
+    /// Values from one point's inputs to the next point's.
     fn input_step(shape: &ConvShape) -> usize {
-        (STRIP_TILES * shape.in_channels).next_multiple_of(16) + 16
+        (STRIP_TILES * shape.in_channels).next_multiple_of(LINE) + LINE
     }
 
+    /// Values from one point's gradients to the next point's.
     fn gradient_step(shape: &ConvShape) -> usize {
-        STRIP_TILES * shape.out_channels.next_multiple_of(MAX_LANES) + 16
+        STRIP_TILES * shape.out_channels.next_multiple_of(MAX_LANES) + LINE
     }
 
+    /// Values of the inputs and gradients together.
     fn len(shape: &ConvShape, points: usize) -> usize {
         points * points * (Strip::input_step(shape) + Strip::gradient_step(shape))
     }
@@ -172,7 +180,7 @@ impl<'a> Strip<'a> {
         }
     }
 
-    /// Adds the products of all tiles, and is empty again.
+    /// Adds the products of all tiles to `sums` and empties the strip.
     #[inline(always)]
     fn multiply<S: Simd>(&mut self, simd: S) {
         if self.filled == 0 {
@@ -212,7 +220,7 @@ impl<'a> Strip<'a> {
     }
 }
 
-/// The rest of a strip.
+/// Multiplies the tiles that are left in a strip.
 struct Multiply<'a, 'b> {
     strip: &'a mut Strip<'b>,
 }
@@ -226,7 +234,7 @@ impl Kernel for Multiply<'_, '_> {
     }
 }
 
-/// One image's share.
+/// Transforms the tiles of one image, and multiplies the strip whenever it is full.
 struct AddImage<'a, 'b> {
     strip: &'a mut Strip<'b>,
     lines: Lines<'a>, // of a whole row of tiles
@@ -353,9 +361,6 @@ fn gradient_points<S: Simd, const A: usize, const M: usize>(
     w
 }
 
-/// Output channels that are finished together.
-const CHANNELS: usize = 16;
-
 /// `g' = G^T U' G` of some output channels, `U'` summed over the parts in their order.
 struct Finish<'a> {
     shape: &'a ConvShape,
@@ -437,10 +442,10 @@ mod tests {
     use crate::check::noise;
     use crate::ops::conv2d::weight_gradient;
 
-    /// Tiles that end with the map and that do not, several strips, channels that fill no vector,
-    /// padding.
+    /// The shapes cover tiles that end at the map's edge or reach past it, several strips, channels
+    /// that do not fill a vector, and padding.
     #[test]
-    fn as_the_direct_gradient() {
+    fn winograd_gradient_equals_the_direct_one() {
         for (batch, side, cin, cout, kernel, pad) in [
             (1, 6, 3, 5, 3, 0),
             (5, 9, 17, 35, 3, 1),
@@ -481,7 +486,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_change_no_bit() {
+    fn gradient_has_the_same_bits_on_any_number_of_threads() {
         let shape = ConvShape {
             in_channels: 8,
             out_channels: 24,
