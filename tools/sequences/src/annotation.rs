@@ -1,4 +1,4 @@
-//! Annotated boxes: the truth that results are held against.
+//! Annotated boxes: the truth that results are compared with.
 
 use crate::error::Error;
 use crate::folder::{entries, file_name};
@@ -19,7 +19,7 @@ pub struct Annotation {
     pub present: Option<Vec<bool>>,
     /// Picture pixels per pixel of the original video. Thresholds are in pixels of the video.
     pub scale: f64,
-    /// Whether its video is also trained on: it then says nothing about accuracy.
+    /// Whether the model is trained on its video too, so that it says nothing about accuracy.
     pub in_train: bool,
 }
 

@@ -57,7 +57,7 @@ impl Convention {
 
     /// The curves of one sequence; `None` if no frame counts.
     ///
-    /// An annotated frame without a result is a miss. Results behind the last annotation do not
+    /// An annotated frame without a result is a miss. Results after the last annotation do not
     /// count.
     pub fn curves(self, annotation: &Annotation, result: &[Rect]) -> Option<Curves> {
         let judgments = self.judge(annotation, result);
@@ -68,7 +68,7 @@ impl Convention {
         Curves::of(judgments.into_iter().flatten(), counted)
     }
 
-    /// How each annotated frame was hit; `None` where it does not count.
+    /// The judgment of each annotated frame; `None` where the frame does not count.
     pub fn judge(self, annotation: &Annotation, result: &[Rect]) -> Vec<Option<Judgment>> {
         let result = self.repaired(annotation, result);
         let mut judgments = Vec::with_capacity(annotation.boxes.len());
@@ -93,7 +93,7 @@ impl Convention {
         }
     }
 
-    /// The results as this rule reads them; as many as there are.
+    /// The results after this rule has replaced the boxes it does not use.
     fn repaired<'a>(self, annotation: &Annotation, result: &'a [Rect]) -> Cow<'a, [Rect]> {
         let first = match annotation.boxes.first() {
             Some(first) if self != Convention::Pysot && !result.is_empty() => *first,
@@ -113,7 +113,7 @@ impl Convention {
         Cow::Owned(repaired)
     }
 
-    /// Whether frame `i` is judged.
+    /// Whether the judgment of frame `i` counts.
     fn counts(self, annotation: &Annotation, i: usize) -> bool {
         let annotated = &annotation.boxes[i];
         match self {

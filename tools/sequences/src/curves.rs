@@ -1,20 +1,21 @@
 //! The curves of one sequence, and their means over sequences.
 
-/// How one frame was hit.
+/// Overlap and errors of one frame's result.
 ///
-/// Under some rules -1 stands for "not comparable": no overlap, and any error threshold holds.
+/// Some rules give -1 to a frame that cannot be compared. It then counts as no overlap, but as
+/// within every error threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgment {
     /// Intersection over union.
     pub overlap: f64,
     /// Distance of the centers in pixels of the original video.
     pub error: f64,
-    /// The same with each component divided by the annotated width or height.
+    /// Distance of the centers, with each component divided by the annotated width or height.
     pub norm_error: f64,
 }
 
 impl Judgment {
-    /// A frame without a result: no threshold holds.
+    /// A frame without a result, which meets no threshold.
     pub const MISS: Judgment = Judgment {
         overlap: f64::NAN,
         error: f64::NAN,
@@ -65,7 +66,7 @@ impl Curves {
         i as f64 * 0.05
     }
 
-    /// The rates among `frames` frames, of which those in `judgments` may be hits; `None` without
+    /// The rates of `judgments` that meet each threshold, per `frames` frames; `None` without
     /// frames.
     pub fn of(judgments: impl IntoIterator<Item = Judgment>, frames: usize) -> Option<Curves> {
         if frames == 0 {

@@ -73,7 +73,7 @@ pub fn pictures_below(root: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(pictures)
 }
 
-/// Whether texts in a folder, but for `groundtruth*`, are about other things than boxes: flags,
+/// Whether the texts in a folder, except `groundtruth*`, hold something other than boxes: flags,
 /// first boxes only, or notes beside a sequence's pictures.
 fn holds_other_texts(folder: &Path, tree: &Tree) -> bool {
     let name = file_name(folder);
@@ -111,7 +111,8 @@ fn sequence(
     Ok((annotation, frames))
 }
 
-/// The benchmark whose table cuts a sequence from its video: told by the path and the name.
+/// The benchmark whose table cuts a sequence from its video, recognized by the annotation's path
+/// and the sequence's name.
 fn benchmark(name: &str, annotation: &Path) -> Dataset {
     let path = annotation.to_string_lossy();
     let dataset = if path.contains("UAV20L") {

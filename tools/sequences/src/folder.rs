@@ -1,10 +1,10 @@
-//! Folders as people hand them on: what is listed, and what is passed over.
+//! Listing of folders without the files that operating systems and archives add.
 
 use crate::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Whether a file or folder of this name is the system's own and never part of a data set.
+/// Whether a file or folder of this name belongs to the system and never to a data set.
 ///
 /// Those are names that begin with a dot (`._0001.jpg` from macOS, `.ipynb_checkpoints`) and the
 /// folders that archives, network storage and drives add.

@@ -1,14 +1,14 @@
-//! Annotated sequences and their scores: the one home of benchmark layouts, annotation files,
-//! rules, curves and plots.
+//! Annotated sequences and their scores: benchmark layouts, annotation files, scoring rules, curves
+//! and plots.
 //!
-//! A sequence is a video as a list of picture files with a box per frame. Trackers are scored on it
-//! by precision (center error) and success (overlap); toolkits agree on those curves but not on
-//! frames without a usable box, so every figure names its [`Convention`].
+//! A sequence is a list of picture files, the frames of a video, with a box per frame. Trackers are
+//! scored on it by precision (center error) and success (overlap). Toolkits agree on those curves
+//! but not on frames without a usable box, so every figure names its [`Convention`].
 //!
 //! | task | item |
 //! |---|---|
 //! | read a benchmark from disk | [`Dataset::load`] |
-//! | read whatever lies below a folder | [`find`] |
+//! | read everything below a folder | [`find`] |
 //! | read a file of boxes, times or flags | [`text`] |
 //! | score boxes against annotations | [`Convention::curves`], [`Curves`] |
 //! | draw curves as SVG | [`plot`] |

@@ -1,4 +1,4 @@
-//! Remarks about input that was unusual, or left out.
+//! Remarks about input that was unusual or was left out.
 
 use crate::error::brief;
 use std::fmt;
@@ -8,7 +8,7 @@ use std::fmt;
 pub struct Note {
     /// The sequence, file or tracker that it is about.
     pub about: String,
-    /// What is to be said.
+    /// The remark.
     pub text: String,
 }
 
@@ -23,7 +23,7 @@ impl fmt::Display for Note {
 pub struct Notes(Vec<Note>);
 
 impl Notes {
-    /// Remarks that [`Display`](fmt::Display) puts into words; it counts the others.
+    /// Most remarks that [`Display`](fmt::Display) writes out; it only counts the others.
     const SHOWN: usize = 50;
 
     /// Adds a remark.

@@ -1,4 +1,4 @@
-//! Boxes in double precision, as benchmark files hold them and toolkits count them.
+//! Boxes in double precision, as benchmark files hold them and toolkits compare them.
 
 use std::array;
 
@@ -97,7 +97,7 @@ impl Rect {
         (intersection / (union + f64::EPSILON)).clamp(0.0, 1.0)
     }
 
-    /// The way from the other's center to its own, horizontally and vertically, in pixels.
+    /// This box's center minus the other's, horizontally and vertically, in pixels.
     pub fn offset(&self, other: &Rect) -> (f64, f64) {
         let own = self.center();
         let other = other.center();
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn overlap_of_known_boxes() {
+    fn iou_equals_hand_computed_values() {
         let a = Rect::new(0.0, 0.0, 10.0, 10.0);
 
         assert_eq!(a.iou(&a), 1.0);

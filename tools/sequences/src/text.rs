@@ -8,11 +8,11 @@
 //! | `20,5;40,5;24,5;18,5`, or the same between tabs, spaces or quotes | decimal commas |
 //! | `NaN` in any case, infinity | a frame without a box |
 //! | four columns | left, top, width, height |
-//! | a fifth column | a confidence, passed over |
-//! | a first of five columns that counts rows from 0 or 1 | frame numbers, passed over |
+//! | a fifth column | a confidence, ignored |
+//! | a first of five columns that counts rows from 0 or 1 | frame numbers, ignored |
 //! | eight columns | a polygon's corners `x1,y1,...,x4,y4`: the box around them |
 //! | a header with `x`, `y`, `w`, `h` (`left`, `top`, `width`, `height`) | names the columns |
-//! | blank lines at either end, or after every row | passed over |
+//! | blank lines at either end, or after every row | ignored |
 //!
 //! Everything else is an error that names the file and the line: other counts of columns, empty
 //! fields, a blank line between rows (is it a frame?), eight numbers that are no polygon.
@@ -59,7 +59,7 @@ pub fn read_all_numbers(path: &Path) -> Result<Vec<f64>, Error> {
     let text = read(path)?;
     let mut all = Vec::new();
     for line in rows(&text, "numbers").map_err(|bad| bad.into_error(path))? {
-        // Two flags beside each other are not one number with a decimal comma.
+        // Commas only separate: `0,1` is two flags, not a number with a decimal comma.
         let fields = fields(line.text).unwrap_or_default();
         for field in fields {
             let number = field.parse().ok();
@@ -96,7 +96,7 @@ pub fn read(path: &Path) -> Result<String, Error> {
     Ok(decode(&bytes))
 }
 
-/// The text that bytes are: UTF-16 by its byte order mark, otherwise UTF-8 with or without one.
+/// Bytes as text: UTF-16 by its byte order mark, otherwise UTF-8 with or without one.
 ///
 /// Bytes that are neither become replacement characters, which no number contains.
 pub fn decode(bytes: &[u8]) -> String {
@@ -112,7 +112,7 @@ pub fn decode(bytes: &[u8]) -> String {
     text.trim_start_matches('\u{feff}').to_owned()
 }
 
-/// A row that cannot be used, or the lack of any.
+/// A row that cannot be used, or a file without rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadRow {
     /// The line, 1-based; `None` if the file has no row at all.
@@ -184,9 +184,6 @@ pub fn parse_boxes(text: &str) -> Result<Vec<Rect>, BadRow> {
         };
         boxes.push(rect);
     }
-    if boxes.is_empty() {
-        return Err(no_row(BOX));
-    }
     Ok(boxes)
 }
 
@@ -201,8 +198,9 @@ fn counts_frames(table: &[Vec<f64>]) -> bool {
         && table.iter().any(|row| row[4] > 1.0)
 }
 
-/// The box around four corners; `None` if two of them coincide or three lie on a line, as flags
-/// behind a box would. Corners that are all the same mark a frame without a target.
+/// The box around four corners; `None` if three successive ones lie on a line, as they do if the
+/// numbers are a box and flags after it. Corners that are all the same mark a frame without a
+/// target.
 fn polygon(corners: &[(f64, f64); 4]) -> Option<Rect> {
     let is_point = corners.iter().all(|corner| *corner == corners[0]);
     let rect = Rect::around(corners);
@@ -257,7 +255,7 @@ impl Header {
                 let expected = format!("{} columns, as the header has", self.columns);
                 return Err(line.bad(expected));
             }
-            // A gap in the frame numbers would shift every box behind it.
+            // A gap in the frame numbers would shift every box after it.
             if let Some(frame) = self.frame {
                 let expected = table[0][frame] + i as f64;
                 if row[frame] != expected {
@@ -310,7 +308,7 @@ fn rows<'a>(text: &'a str, expected: &str) -> Result<Vec<Line<'a>>, BadRow> {
         .rposition(|line| !is_blank(line))
         .unwrap_or(first);
     let rows = lines.into_iter().take(last + 1).skip(first);
-    let (blank, mut full): (Vec<_>, Vec<_>) = rows.partition(is_blank);
+    let (blank, full): (Vec<_>, Vec<_>) = rows.partition(is_blank);
     // Files that went through the wrong text mode have a blank line after every row.
     let is_double_spaced = blank.len() > 1
         && blank.len() + 1 == full.len()
@@ -321,10 +319,7 @@ fn rows<'a>(text: &'a str, expected: &str) -> Result<Vec<Line<'a>>, BadRow> {
         Some(line) if !is_double_spaced => Err(line.bad(format!(
             "{expected} (NaN in a frame without a target), not a blank line"
         ))),
-        _ => {
-            full.shrink_to_fit();
-            Ok(full)
-        }
+        _ => Ok(full),
     }
 }
 

@@ -138,7 +138,7 @@ fn missing_result_is_a_miss_under_every_rule() {
 }
 
 #[test]
-fn results_behind_the_last_annotation_do_not_count() {
+fn results_after_the_last_annotation_do_not_count() {
     assert_rates(&[GOOD, GOOD], &[GOOD, GOOD, FAR, FAR], [(1.0, 1.0); 4]);
     assert_eq!(rates(&[], &[GOOD]), [None; 4]);
 }

@@ -1,4 +1,4 @@
-//! The flags that benchmarks give their sequences: what makes each of them hard.
+//! Attributes of sequences (what makes each of them hard), from the flags that benchmarks publish.
 
 use super::tree::Tree;
 use super::{Attributes, Dataset};

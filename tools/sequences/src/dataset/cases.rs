@@ -1,4 +1,4 @@
-//! Folders as users hand them in, each with what is read from it.
+//! Folders as users provide them, each with what is read from it.
 
 use super::*;
 use testing::Folder;
@@ -50,7 +50,7 @@ const CASES: &[Case] = &[
         words: &[],
     },
     Case {
-        name: "a folder that is called like a picture",
+        name: "a folder whose name is that of a picture",
         dataset: Dataset::Folder,
         change: |folder| {
             folder.write("b/img/old.jpg/1.jpg", "");
@@ -70,7 +70,7 @@ const CASES: &[Case] = &[
             );
         },
         expected: &[("bike1", 8)],
-        words: &["it has 123 sequences, 1 are here"],
+        words: &["expected 123 sequences, found 1"],
     },
     Case {
         name: "another case of the annotation's name",
@@ -131,10 +131,10 @@ const CASES: &[Case] = &[
         dataset: Dataset::Folder,
         change: |folder| pictures(folder, "b/img", "png"),
         expected: &[("b", 8)],
-        words: &["b: only the .jpg of 8 .jpg, 8 .png are taken"],
+        words: &["b: used only the .jpg of 8 .jpg, 8 .png"],
     },
     Case {
-        name: "pictures of kinds that do not fit the boxes",
+        name: "pictures of two kinds, neither as many as the boxes",
         dataset: Dataset::Folder,
         change: |folder| {
             folder.write("b/img/extra.jpg", "");
@@ -176,7 +176,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn folders_as_users_hand_them_in_are_read_or_named() {
+fn folders_of_users_are_read_or_the_reason_is_given() {
     for case in CASES {
         let folder = Folder::new("case");
         pictures(&folder, "b/img", "jpg");
@@ -209,7 +209,7 @@ fn folders_as_users_hand_them_in_are_read_or_named() {
 }
 
 #[test]
-fn root_without_annotations_names_the_files_that_are_searched() {
+fn root_without_annotations_is_refused_with_the_texts_it_holds() {
     let folder = Folder::new("case");
     pictures(&folder, "a/img", "jpg");
     folder.write("a/gt.txt", boxes());

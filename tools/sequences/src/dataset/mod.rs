@@ -1,4 +1,4 @@
-//! Benchmarks as they lie on disk, in every layout in which they are published or repackaged.
+//! Benchmarks on disk, in every layout in which they are published or repackaged.
 //!
 //! | benchmark | annotations | pictures |
 //! |---|---|---|
@@ -9,7 +9,7 @@
 //! | GOT-10k, LaSOT | `<sequence>/groundtruth.txt`, absence lists | beside it, or in `img` |
 //!
 //! Folders are recognized by their names at any depth below the root, so that wrapping folders do
-//! not matter. File names are matched in any case; hidden files and `__MACOSX` are passed over.
+//! not matter. File names are matched in any case; hidden files and `__MACOSX` are ignored.
 
 mod attributes;
 pub(crate) mod pictures;
@@ -31,7 +31,7 @@ use tree::Tree;
 pub enum Dataset {
     /// UAV123: 123 sequences at 30 frames per second.
     Uav123,
-    /// UAV123@10fps: the same ones, every third frame.
+    /// UAV123@10fps: the sequences of UAV123, every third frame.
     Uav123At10Fps,
     /// UAV20L: 20 long sequences.
     Uav20l,
@@ -122,7 +122,7 @@ impl Dataset {
         }
     }
 
-    /// The annotations below `root`, by name, without a look at pictures.
+    /// The annotations below `root`, by name. Pictures are not searched.
     ///
     /// A sequence with two annotations, or with one that cannot be used, is left out and noted.
     ///
@@ -141,28 +141,29 @@ impl Dataset {
     /// If the root cannot be read, or no sequence can be used.
     pub fn load(self, root: &Path, notes: &mut Notes) -> Result<Vec<Sequence>, Error> {
         let tree = Tree::read(root)?;
-        let mut arisen = Notes::default();
+        let mut raised = Notes::default();
         let mut sequences = Vec::new();
-        for (annotation, path) in self.read_annotations(root, &tree, &mut arisen)? {
+        for (annotation, path) in self.read_annotations(root, &tree, &mut raised)? {
             let name = annotation.name.clone();
             let boxes = annotation.boxes.len();
-            match pictures::of(self, &name, &path, boxes, &tree, &mut arisen) {
-                Ok(frames) => sequences.extend(matched(annotation, frames, &mut arisen)),
-                Err(reason) => arisen.add(name, format!("left out: {reason}")),
+            match pictures::of(self, &name, &path, boxes, &tree, &mut raised) {
+                Ok(frames) => sequences.extend(matched(annotation, frames, &mut raised)),
+                Err(reason) => raised.add(name, format!("left out: {reason}")),
             }
         }
         if self.is_beside() {
-            self.note_unannotated(root, &tree, &mut arisen);
+            self.note_unannotated(root, &tree, &mut raised);
         }
         if sequences.is_empty() {
             let expected = format!("pictures of {}", self.name());
-            return Err(Error::content(root, expected, none_because(&arisen)));
+            return Err(Error::content(root, expected, none_because(&raised)));
         }
-        notes.extend(arisen);
+        notes.extend(raised);
         Ok(sequences)
     }
 
-    /// The attributes that the files below `root` give to sequences; empty without such files.
+    /// The attributes of sequences, from the attribute files below `root`; empty without such
+    /// files.
     ///
     /// # Errors
     /// If a file cannot be used.
@@ -193,12 +194,12 @@ impl Dataset {
         tree: &Tree,
         notes: &mut Notes,
     ) -> Result<Vec<(Annotation, PathBuf)>, Error> {
-        let mut arisen = Notes::default();
+        let mut raised = Notes::default();
         let mut read = Vec::new();
         for (name, paths) in self.annotation_files(tree) {
             match self.read_annotation(&name, &paths) {
                 Ok(annotation) => read.push((annotation, paths[0].clone())),
-                Err(reason) => arisen.add(name, format!("left out: {reason}")),
+                Err(reason) => raised.add(name, format!("left out: {reason}")),
             }
         }
         if read.is_empty() {
@@ -210,21 +211,21 @@ impl Dataset {
             let expected = format!("annotations of {} ({files})", self.name());
             let texts = tree.texts.iter().take(3).map(|path| last_names(path, 2));
             let texts: Vec<String> = texts.collect();
-            let found = if arisen.count() == 0 && !texts.is_empty() {
+            let found = if raised.count() == 0 && !texts.is_empty() {
                 format!("none (but texts: {})", texts.join(", "))
             } else {
-                none_because(&arisen)
+                none_because(&raised)
             };
             return Err(Error::content(root, expected, found));
         }
         if let Some(expected) = self.sequences().filter(|expected| *expected != read.len()) {
             let found = read.len();
-            arisen.add(
+            raised.add(
                 self.name(),
-                format!("it has {expected} sequences, {found} are here"),
+                format!("expected {expected} sequences, found {found}"),
             );
         }
-        notes.extend(arisen);
+        notes.extend(raised);
         Ok(read)
     }
 
@@ -350,9 +351,10 @@ pub(crate) fn name_beside(path: &Path) -> Option<String> {
     })
 }
 
-/// A sequence of as many frames as both the annotation and the pictures have.
+/// The sequence of an annotation and its pictures. If their counts differ, the longer is cut and a
+/// note says so.
 ///
-/// A single box stands for a sequence whose other boxes are not public: all pictures stay.
+/// A single box belongs to a sequence whose other boxes are not public: all pictures stay.
 pub(crate) fn matched(
     mut annotation: Annotation,
     mut frames: Vec<PathBuf>,
@@ -362,7 +364,7 @@ pub(crate) fn matched(
     let boxes = annotation.boxes.len();
     let pictures = frames.len();
     if pictures == 0 {
-        notes.add(name, "left out: no frame of it");
+        notes.add(name, "left out: none of its frames is among the pictures");
         return None;
     }
     if boxes == 1 && pictures > 1 {

@@ -70,7 +70,8 @@ fn named<'a>(dataset: Dataset, name: &str, tree: &'a Tree) -> Option<&'a [PathBu
     found.map(|(_, pictures)| pictures)
 }
 
-/// The pictures beside an annotation, or the folders that were searched and those that have any.
+/// The pictures beside an annotation. If there are none, the error names the folders that were
+/// searched and those below that hold pictures.
 fn beside<'a>(folder: &Path, tree: &'a Tree) -> Result<&'a [PathBuf], String> {
     for inner in INNER {
         if let Some(pictures) = tree.pictures.get(&folder.join(inner)) {
@@ -95,9 +96,11 @@ fn beside<'a>(folder: &Path, tree: &'a Tree) -> Result<&'a [PathBuf], String> {
     Err(reason)
 }
 
-/// Pictures of one kind. Masks or depth maps beside frames are told apart by their extension, or
-/// by `mask` in their names. The frames are the kind with as many pictures as boxes; the choice
-/// between two such kinds is noted.
+/// The frames among `all` pictures, which may include masks or depth maps.
+///
+/// A kind of pictures shares an extension, and has `mask` in all names or in none. The frames are
+/// the kind with as many pictures as there are boxes; if several kinds have, a note names the
+/// chosen one.
 fn of_one_kind(
     name: &str,
     all: Vec<PathBuf>,
@@ -128,12 +131,12 @@ fn of_one_kind(
         ));
     };
     if several {
-        notes.add(name, format!("only the {kind} of {counts} are taken"));
+        notes.add(name, format!("used only the {kind} of {counts}"));
     }
     Ok(paths)
 }
 
-/// What tells frames from masks.
+/// A kind of pictures; kinds sort from the likeliest frames to the likeliest masks.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Kind {
     is_mask: bool,
@@ -164,7 +167,8 @@ impl fmt::Display for Kind {
     }
 }
 
-/// The pictures of a part: by the numbers in their names, or else by their place.
+/// The pictures of a part, chosen by the numbers in their names, or by their place if a name has
+/// none.
 fn cut(all: &[PathBuf], part: Option<Part>) -> Vec<PathBuf> {
     let Some(Part { first, last, .. }) = part else {
         return all.to_vec();

@@ -40,7 +40,7 @@ fn uav123_is_cut_from_its_videos_at_every_rate() {
         pictures(&folder, &format!("{set}/data_seq/{set}/bird1"), six, count);
         pictures(&folder, &format!("{set}/data_seq/{set}/boat5"), six, 10);
     }
-    boxes(&folder, "UAV123/anno/UAV123/bird1_2.txt", 126); // 775..=1477 of which 900 are here
+    boxes(&folder, "UAV123/anno/UAV123/bird1_2.txt", 126); // its frames are 775..=1477 of 900
     boxes(&folder, "UAV123/anno/UAV20L/bird1.txt", 900);
     boxes(&folder, "UAV123_10fps/anno/UAV123_10fps/bird1_1.txt", 85);
     boxes(&folder, "UAV123_10fps/anno/UAV123_10fps/bird1_2.txt", 42);
@@ -64,7 +64,7 @@ fn uav123_is_cut_from_its_videos_at_every_rate() {
         row("boat5", 10, "000001.jpg"),
     ];
     assert_eq!(found, expected);
-    let expected = "note: UAV123_10fps: it has 123 sequences, 3 are here\n";
+    let expected = "note: UAV123_10fps: expected 123 sequences, found 3\n";
     assert_eq!(notes.to_string(), expected);
     let attributes = Dataset::Uav123At10Fps.attributes(folder.path()).unwrap();
     let names: Vec<_> = attributes
@@ -233,7 +233,7 @@ fn root_without_sequences_is_refused() {
         .unwrap_err()
         .to_string();
     let expected = "expected pictures of DTB70, found none \
-                    (DTB70: it has 70 sequences, 1 are here; \
+                    (DTB70: expected 70 sequences, found 1; \
                     a: left out: no pictures in a/img, a/imgs, a/color or a)";
     assert!(error.ends_with(expected), "{error}");
 }

@@ -1,4 +1,4 @@
-//! Charts of trackers: curves, points, radars.
+//! Charts that compare trackers: curves, points, radars.
 
 use super::{COLORS, color, escape};
 use std::fmt::Write;
@@ -6,20 +6,20 @@ use std::fmt::Write;
 /// One tracker's line or polygon.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// What the legend says.
+    /// Its name in the legend.
     pub label: String,
     /// Points in data units.
     pub points: Vec<(f64, f64)>,
 }
 
-/// What a plot is about.
+/// Title, labels and ranges of a plot.
 #[derive(Clone, Copy, Debug)]
 pub struct Axes<'a> {
-    /// Above the plot.
+    /// The title above the plot.
     pub title: &'a str,
-    /// Below it.
+    /// The label of the horizontal axis.
     pub x: &'a str,
-    /// Beside it.
+    /// The label of the vertical axis.
     pub y: &'a str,
     /// The left end of the horizontal axis: 0, or above 0 for a logarithmic one.
     pub x_min: f64,
@@ -36,11 +36,12 @@ const TOP: f64 = 38.0;
 const INNER_WIDTH: f64 = WIDTH - LEFT - 22.0;
 const INNER_HEIGHT: f64 = HEIGHT - TOP - 52.0;
 
-/// Curves with a legend at the bottom, at the left or at the right.
+/// Curves, with a legend at the lower left or lower right.
 pub fn lines(axes: &Axes<'_>, series: &[Series], legend_left: bool) -> String {
     let mut svg = frame(axes);
     for (i, line) in series.iter().enumerate() {
-        let points: Vec<String> = line.points.iter().map(|p| place(axes, *p)).collect();
+        let points = line.points.iter().map(|point| place(axes, *point));
+        let points: Vec<String> = points.map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
         let dash = if i < COLORS.len() {
             ""
         } else {
@@ -69,14 +70,13 @@ pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
     let mut svg = frame(axes);
     for (i, point) in series.iter().enumerate() {
         for p in &point.points {
-            let at = place(axes, *p);
-            let (x, y) = at.split_once(',').unwrap_or(("0", "0"));
-            let end = along(axes, p.0) > 0.7;
-            let (anchor, offset) = if end { ("end", -9) } else { ("start", 9) };
+            let (x, y) = place(axes, *p);
+            let is_right = along(axes, p.0) > 0.7; // the label goes to the left of the point
+            let (anchor, offset) = if is_right { ("end", -9) } else { ("start", 9) };
             let _ = writeln!(
                 svg,
-                "<circle cx=\"{x}\" cy=\"{y}\" r=\"6\" fill=\"{}\"/>\
-                 <text x=\"{x}\" y=\"{y}\" dx=\"{offset}\" dy=\"-7\" \
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"{}\"/>\
+                 <text x=\"{x:.1}\" y=\"{y:.1}\" dx=\"{offset}\" dy=\"-7\" \
                  text-anchor=\"{anchor}\">{}</text>",
                 color(i),
                 escape(&point.label)
@@ -86,7 +86,8 @@ pub fn points(axes: &Axes<'_>, series: &[Series]) -> String {
     svg + "</svg>\n"
 }
 
-/// A polygon per series over spokes; values in percent of the radius.
+/// A polygon per series, with a corner on each spoke. The `y` of point `i` is the value on spoke
+/// `i`, in percent of the radius.
 pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
     let cx = WIDTH / 2.0;
     let cy = HEIGHT / 2.0 + 8.0;
@@ -138,6 +139,7 @@ pub fn radar(title: &str, spokes: &[String], series: &[Series]) -> String {
     svg + "</svg>\n"
 }
 
+/// The start of a picture: its size, style and title.
 fn open(title: &str) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
@@ -150,7 +152,7 @@ fn open(title: &str) -> String {
     )
 }
 
-/// Title, grid, numbers and labels.
+/// The start of a plot with axes: title, grid, numbers and labels.
 fn frame(axes: &Axes<'_>) -> String {
     let mut svg = open(axes.title);
     let right = LEFT + INNER_WIDTH;
@@ -216,17 +218,17 @@ fn along(axes: &Axes<'_>, x: f64) -> f64 {
     part.clamp(0.0, 1.0)
 }
 
+/// A number on an axis, with at most two decimals.
 fn tick(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-fn place(axes: &Axes<'_>, (x, y): (f64, f64)) -> String {
+/// A point's place in the picture. Points beyond an axis lie at its end.
+fn place(axes: &Axes<'_>, (x, y): (f64, f64)) -> (f64, f64) {
     let x = LEFT + INNER_WIDTH * along(axes, x);
-    format!(
-        "{x:.1},{:.1}",
-        TOP + INNER_HEIGHT * (1.0 - (y / axes.y_max).clamp(0.0, 1.0))
-    )
+    let y = TOP + INNER_HEIGHT * (1.0 - (y / axes.y_max).clamp(0.0, 1.0));
+    (x, y)
 }
 
 fn legend(svg: &mut String, series: &[Series], x: f64, y: f64) {

@@ -1,4 +1,4 @@
-//! Plots as SVG. They stand alone and may be set into a page.
+//! Plots as SVG, each a complete file that can also be embedded in a page.
 //!
 //! | plot | item |
 //! |---|---|
@@ -10,7 +10,7 @@ pub mod panels;
 
 pub use chart::{Axes, Series, lines, points, radar};
 
-/// Colors that most eyes tell apart (Okabe and Ito); further lines repeat them with dashes.
+/// Colors that most people can tell apart (Okabe and Ito). Further lines repeat them, dashed.
 const COLORS: [&str; 8] = [
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a5195", "#8c8c8c",
 ];
@@ -20,7 +20,7 @@ pub fn color(i: usize) -> &'static str {
     COLORS[i % COLORS.len()]
 }
 
-/// Text that markup cannot break.
+/// `text` with the characters escaped that mean something in XML, and without control characters.
 pub fn escape(text: &str) -> String {
     let mut escaped = String::new();
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! Panels of lines, one below the other.
+//! Line plots in panels, one below the other.
 
 use super::{color, escape};
 use std::fmt::Write;
@@ -20,21 +20,21 @@ pub struct Line {
     pub spread: Vec<f64>,
 }
 
-/// A picture with axes.
+/// A plot with axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Panel {
-    /// What is drawn.
+    /// The title above it.
     pub title: String,
     /// The lines.
     pub lines: Vec<Line>,
-    /// Labels of the x axis at their places. Without any, the axis begins at 0; with them, each
-    /// point is marked.
+    /// Places on the x axis and their labels. With them, every point of a line is marked. Without
+    /// any, the axis starts at 0 and has round numbers.
     pub ticks: Vec<(f64, String)>,
     /// The lower end of the y axis.
     pub low: f64,
 }
 
-/// Panels as one picture.
+/// Panels as one SVG picture, one below the other.
 pub fn svg(panels: &[Panel]) -> String {
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{}\" font-family=\"sans-serif\" \
@@ -50,7 +50,7 @@ pub fn svg(panels: &[Panel]) -> String {
 
 impl Panel {
     /// Both ends of the x axis.
-    fn reach(&self) -> (f64, f64) {
+    fn x_range(&self) -> (f64, f64) {
         match (self.ticks.first(), self.ticks.last()) {
             (Some((first, _)), Some((last, _))) => {
                 let room = 0.5 * (last - first) / (self.ticks.len() as f64 - 1.0).max(1.0);
@@ -79,19 +79,15 @@ impl Panel {
         self.lines.iter().map(tops).fold(self.low + 1e-6, f64::max)
     }
 
-    // Writing to a string cannot fail, so the results are dropped.
     fn draw(&self, svg: &mut String, top: f64) {
-        let (first, last) = self.reach();
+        let (first, last) = self.x_range();
         let high = self.top();
         let levels = levels(self.low, high);
         let high = levels.last().map_or(high, |(level, _)| level.max(high));
-        let place = |(x, y): (f64, f64)| {
-            let across = MARGIN + (x - first) / (last - first) * (WIDTH - 4.5 * MARGIN);
-            let share = ((y - self.low) / (high - self.low)).max(0.0);
-            (
-                across,
-                top + HEIGHT - MARGIN - share * (HEIGHT - 1.6 * MARGIN),
-            )
+        let area = Area {
+            top,
+            x: (first, last),
+            y: (self.low, high),
         };
         let _ = writeln!(
             svg,
@@ -99,77 +95,110 @@ impl Panel {
             top + 16.0,
             escape(&self.title)
         );
-        let mut ticks = self.ticks.clone();
+        area.draw_levels(svg, &levels);
+        if self.ticks.is_empty() {
+            let mut ticks = self::levels(first, last);
+            ticks.retain(|(at, _)| *at <= last);
+            area.draw_ticks(svg, &ticks);
+        } else {
+            area.draw_ticks(svg, &self.ticks);
+        }
+        let lines = self.lines.iter().enumerate();
+        for (i, line) in lines.filter(|(_, line)| !line.points.is_empty()) {
+            area.draw_line(svg, line, color(i), !self.ticks.is_empty());
+            area.draw_name(svg, line, i);
+        }
+    }
+}
+
+/// Where a panel draws: its place in the picture, and the ranges of its axes.
+struct Area {
+    top: f64,
+    x: (f64, f64),
+    y: (f64, f64),
+}
+
+// Writing to a string cannot fail, so the results are dropped.
+impl Area {
+    /// A point's place in the picture.
+    fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        let across = (x - self.x.0) / (self.x.1 - self.x.0);
+        let up = ((y - self.y.0) / (self.y.1 - self.y.0)).max(0.0);
+        (
+            MARGIN + across * (WIDTH - 4.5 * MARGIN),
+            self.top + HEIGHT - MARGIN - up * (HEIGHT - 1.6 * MARGIN),
+        )
+    }
+
+    /// Horizontal lines with the numbers of the y axis.
+    fn draw_levels(&self, svg: &mut String, levels: &[(f64, String)]) {
         for (level, label) in levels {
-            let ((x0, y), (x1, _)) = (place((first, level)), place((last, level)));
-            let _ = writeln!(svg, "<path d=\"M{x0:.1} {y:.1}H{x1:.1}\" stroke=\"#ddd\"/>");
+            let (left, y) = self.place((self.x.0, *level));
+            let (right, _) = self.place((self.x.1, *level));
+            let _ = writeln!(
+                svg,
+                "<path d=\"M{left:.1} {y:.1}H{right:.1}\" stroke=\"#ddd\"/>"
+            );
             let _ = writeln!(
                 svg,
                 "<text x=\"4\" y=\"{y:.1}\" fill=\"#666\">{label}</text>"
             );
         }
-        if ticks.is_empty() {
-            ticks = self::levels(first, last)
-                .into_iter()
-                .filter(|(at, _)| *at <= last)
-                .collect();
-        }
+    }
+
+    /// The labels of the x axis.
+    fn draw_ticks(&self, svg: &mut String, ticks: &[(f64, String)]) {
         for (at, label) in ticks {
-            let (x, y) = place((at, self.low));
-            let label = escape(&label);
+            let (x, y) = self.place((*at, self.y.0));
+            let label = escape(label);
             let _ = writeln!(
                 svg,
                 "<text x=\"{x:.1}\" y=\"{:.1}\" fill=\"#666\">{label}</text>",
                 y + 16.0
             );
         }
-        for (i, line) in self
-            .lines
-            .iter()
-            .enumerate()
-            .filter(|(_, line)| !line.points.is_empty())
-        {
-            let color = color(i);
-            let thinned = line.points.len().div_ceil(POINTS);
-            let drawn: Vec<_> = line
-                .points
-                .iter()
-                .step_by(thinned)
-                .map(|point| place(*point))
-                .collect();
-            let path: Vec<_> = drawn
-                .iter()
-                .map(|(x, y)| format!("{x:.1},{y:.1}"))
-                .collect();
-            let path = path.join(" ");
-            let _ = writeln!(
-                svg,
-                "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\"/>"
-            );
-            if !self.ticks.is_empty() {
-                for (x, y) in &drawn {
-                    let _ = writeln!(
-                        svg,
-                        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>"
-                    );
-                }
-            }
-            for ((x, y), spread) in line.points.iter().zip(&line.spread) {
-                let ((x, low), (_, high)) = (place((*x, y - spread)), place((*x, y + spread)));
+    }
+
+    /// A line through at most [`POINTS`] of its points, with their marks if wanted and the spread
+    /// of all points.
+    fn draw_line(&self, svg: &mut String, line: &Line, color: &str, with_marks: bool) {
+        let thinned = line.points.len().div_ceil(POINTS);
+        let points = line.points.iter().step_by(thinned);
+        let drawn: Vec<_> = points.map(|point| self.place(*point)).collect();
+        let path = drawn.iter().map(|(x, y)| format!("{x:.1},{y:.1}"));
+        let path = path.collect::<Vec<_>>().join(" ");
+        let _ = writeln!(
+            svg,
+            "<polyline points=\"{path}\" fill=\"none\" stroke=\"{color}\"/>"
+        );
+        if with_marks {
+            for (x, y) in &drawn {
                 let _ = writeln!(
                     svg,
-                    "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\"/>"
+                    "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>"
                 );
             }
-            let x = WIDTH - 3.3 * MARGIN;
-            let y = top + 30.0 + 16.0 * i as f64;
-            let newest = line.points.last().map_or(0.0, |(_, y)| *y);
-            let name = escape(&line.name);
+        }
+        for ((x, y), spread) in line.points.iter().zip(&line.spread) {
+            let (across, low) = self.place((*x, y - spread));
+            let (_, high) = self.place((*x, y + spread));
             let _ = writeln!(
                 svg,
-                "<text x=\"{x}\" y=\"{y}\" fill=\"{color}\">{name} {newest:.3}</text>"
+                "<path d=\"M{across:.1} {low:.1}V{high:.1}\" stroke=\"{color}\"/>"
             );
         }
+    }
+
+    /// The name and last value of line `i`, at the right.
+    fn draw_name(&self, svg: &mut String, line: &Line, i: usize) {
+        let x = WIDTH - 3.3 * MARGIN;
+        let y = self.top + 30.0 + 16.0 * i as f64;
+        let newest = line.points.last().map_or(0.0, |(_, y)| *y);
+        let (name, color) = (escape(&line.name), color(i));
+        let _ = writeln!(
+            svg,
+            "<text x=\"{x}\" y=\"{y}\" fill=\"{color}\">{name} {newest:.3}</text>"
+        );
     }
 }
 
