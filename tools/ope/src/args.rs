@@ -19,8 +19,8 @@ pub struct Args {
 }
 
 impl Args {
-    /// Reads this process's command line; ends the process with help or a message where that does
-    /// not parse.
+    /// Reads this process's command line. If it asks for help or does not parse, prints the help or
+    /// a message and ends the process.
     pub fn read() -> Args {
         Args::parse()
     }
@@ -94,11 +94,11 @@ pub struct RunArgs {
     /// frames [default: 60].
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "tracker")]
     pub timeout: Option<Duration>,
-    /// Weights file, or a built-in model: drmim-p50 (default) or drmim-p75, less than a third of
-    /// its work.
+    /// Weights file, or a built-in model: drmim-p50 (default), or drmim-p75, which computes less
+    /// than a third as much.
     #[arg(short, long, value_name = "FILE", conflicts_with = "tracker")]
     pub model: Option<PathBuf>,
-    /// What the tracker is called [default: track-cpu, or the program's name].
+    /// The tracker's name [default: track-cpu, or the program's name].
     #[arg(short, long)]
     pub name: Option<String>,
     /// Sequences that run at a time [default: one per core]. Times are worth quoting with 1 only.
@@ -140,8 +140,8 @@ pub struct StepArgs {
     /// The folder it lies in.
     #[arg(long, value_name = "DIR")]
     pub root: PathBuf,
-    /// Weights file, or a built-in model: drmim-p50 (default) or drmim-p75, less than a third of
-    /// its work.
+    /// Weights file, or a built-in model: drmim-p50 (default), or drmim-p75, which computes less
+    /// than a third as much.
     #[arg(short, long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Print JSON.
@@ -160,7 +160,7 @@ pub struct MergeArgs {
     pub out: PathBuf,
 }
 
-/// Where the truth is.
+/// Where the annotations are.
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = true)]
 pub struct TruthArgs {
@@ -181,7 +181,7 @@ pub struct TruthArgs {
 /// `score`.
 #[derive(Debug, clap::Args)]
 pub struct ScoreArgs {
-    /// Where the truth is.
+    /// Where the annotations are.
     #[command(flatten)]
     pub truth: TruthArgs,
     /// Folder of results: <sequence>.txt or <sequence>/<sequence>_001.txt, times in
@@ -202,16 +202,16 @@ pub struct ScoreArgs {
     pub per_sequence: bool,
 }
 
-/// What is set side by side.
+/// The trackers to compare, and the annotations to compare them on.
 #[derive(Debug, clap::Args)]
 pub struct TrackersArgs {
-    /// Where the truth is.
+    /// Where the annotations are.
     #[command(flatten)]
     pub truth: TruthArgs,
-    /// A folder of results per tracker; the others are held against the first.
+    /// A folder of results per tracker; the others are compared with the first.
     #[arg(required = true, value_name = "DIR")]
     pub results: Vec<PathBuf>,
-    /// What the trackers are called, in their order [default: the folders' names].
+    /// The trackers' names, in their order [default: the folders' names].
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub names: Vec<String>,
     /// The rule by which frames are counted.
@@ -225,7 +225,7 @@ pub struct TrackersArgs {
 /// `compare`.
 #[derive(Debug, clap::Args)]
 pub struct CompareArgs {
-    /// What is set side by side.
+    /// The trackers to compare.
     #[command(flatten)]
     pub trackers: TrackersArgs,
     /// Folder for the plots: precision.svg, success.svg, speed.svg and attributes.svg where there
@@ -238,7 +238,7 @@ pub struct CompareArgs {
 #[derive(Debug, clap::Args)]
 #[command(after_help = DIAGNOSE_HELP)]
 pub struct DiagnoseArgs {
-    /// What is diagnosed.
+    /// The trackers to diagnose.
     #[command(flatten)]
     pub trackers: TrackersArgs,
     /// Folder for a contact sheet per loss, <tracker>/<pass>-<frame>.png; needs --dataset and
@@ -262,7 +262,7 @@ A loss is five visible frames in a row with an overlap below 0.1; it ends at an 
 /// `report`.
 #[derive(Debug, clap::Args)]
 pub struct ReportArgs {
-    /// What the page is about.
+    /// The trackers to compare.
     #[command(flatten)]
     pub trackers: TrackersArgs,
     /// The page; its name ends in .html.
@@ -288,7 +288,7 @@ pub struct ExportArgs {
     /// The benchmark that the results are of.
     #[arg(short, long, value_name = "NAME", value_parser = Dataset::from_str)]
     pub dataset: Dataset,
-    /// What the tracker is called [default: the folder's name].
+    /// The tracker's name [default: the folder's name].
     #[arg(short, long)]
     pub name: Option<String>,
     /// Where to write.
@@ -310,7 +310,7 @@ pub enum Toolkit {
 }
 
 impl Toolkit {
-    /// The layout meant.
+    /// The layout that the option stands for.
     pub fn layout(self) -> ope::export::Layout {
         match self {
             Toolkit::Got10k => ope::export::Layout::Got10k,
@@ -335,7 +335,7 @@ pub enum OneRule {
 }
 
 impl OneRule {
-    /// The rule meant.
+    /// The rule that the option stands for.
     pub fn convention(self) -> sequences::Convention {
         match self {
             OneRule::Got10k => sequences::Convention::Got10k,
@@ -363,24 +363,23 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// The rules meant.
+    /// The rules that the option stands for.
     pub fn conventions(self) -> &'static [sequences::Convention] {
-        let at = match self {
-            Rule::Got10k => 0..1,
-            Rule::Pysot => 1..2,
-            Rule::Otb => 2..3,
-            Rule::Drop => 3..4,
-            Rule::All => 0..4,
-        };
-        &sequences::Convention::ALL[at]
+        match self {
+            Rule::Got10k => &[sequences::Convention::Got10k],
+            Rule::Pysot => &[sequences::Convention::Pysot],
+            Rule::Otb => &[sequences::Convention::Otb],
+            Rule::Drop => &[sequences::Convention::Drop],
+            Rule::All => &sequences::Convention::ALL,
+        }
     }
 }
 
 /// `render`.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// Where to write: a folder per flight with color/, groundtruth.txt and what VOT's toolkit asks
-    /// for.
+    /// Where to write: a folder per flight with color/, groundtruth.txt and the files that the VOT
+    /// toolkit needs.
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     /// Seed of the first flight; the others have the next ones.
@@ -400,8 +399,8 @@ pub struct RenderArgs {
     pub difficulty: Difficulty,
 }
 
+/// The page's path. The required ending keeps it from replacing an annotation or a picture.
 fn page(text: &str) -> Result<PathBuf, String> {
-    // A page never replaces an annotation or a picture.
     if text.ends_with(".html") {
         Ok(text.into())
     } else {

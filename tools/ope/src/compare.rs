@@ -14,7 +14,7 @@ use std::collections::HashSet;
 pub struct Comparison {
     /// The rule.
     pub convention: Convention,
-    /// What each tracker found.
+    /// Each tracker's boxes, beside the annotations.
     pub trackers: Vec<Evaluation>,
     /// Each tracker's scores, in the same order.
     pub scores: Vec<Score>,
@@ -24,17 +24,17 @@ pub struct Comparison {
 
 /// A tracker's precision and AUC over some sequences, in percent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pair {
+pub struct Summary {
     /// Precision at 20 pixels.
     pub precision: f64,
     /// Area under the success curve.
     pub auc: f64,
 }
 
-impl Pair {
+impl Summary {
     /// Precision and AUC of curves.
-    pub fn of(curves: &Curves) -> Pair {
-        Pair {
+    pub fn of(curves: &Curves) -> Summary {
+        Summary {
             precision: 100.0 * curves.precision(),
             auc: 100.0 * curves.auc(),
         }
@@ -60,35 +60,8 @@ impl Comparison {
         for results in results {
             trackers.push(Evaluation::read(annotations, results, missing, notes)?);
         }
-        for i in 0..trackers.len() {
-            let same = trackers[..i]
-                .iter()
-                .filter(|t| t.tracker == trackers[i].tracker)
-                .count();
-            if same > 0 {
-                trackers[i].tracker = format!("{} ({})", trackers[i].tracker, same + 1);
-            }
-        }
-        let has =
-            |t: &Evaluation, name: &str| t.sequences.iter().any(|s| s.annotation.name == name);
-        let common: HashSet<&str> = annotations
-            .iter()
-            .map(|a| a.name.as_str())
-            .filter(|name| trackers.iter().all(|t| has(t, name)))
-            .collect();
-        for tracker in &mut trackers {
-            let before = tracker.sequences.len();
-            tracker
-                .sequences
-                .retain(|s| common.contains(s.annotation.name.as_str()));
-            if tracker.sequences.len() < before {
-                let name = &tracker.tracker;
-                let left = tracker.sequences.len();
-                let text =
-                    format!("compared on {left} of its {before} sequences: those that all have");
-                notes.add(name, text);
-            }
-        }
+        number_equal_names(&mut trackers);
+        keep_common(&mut trackers, annotations, notes);
         let scores: Result<_, _> = trackers
             .iter()
             .map(|tracker| tracker.score(convention, notes))
@@ -101,7 +74,7 @@ impl Comparison {
         })
     }
 
-    /// The places of the trackers by falling precision.
+    /// The indices of the trackers, highest precision first.
     pub fn ranking(&self) -> Vec<usize> {
         let mut places: Vec<usize> = (0..self.scores.len()).collect();
         places.sort_by(|a, b| {
@@ -113,7 +86,7 @@ impl Comparison {
     }
 
     /// Each attribute with its number of sequences and each tracker's scores on them.
-    pub fn per_attribute(&self) -> Vec<(String, usize, Vec<Pair>)> {
+    pub fn per_attribute(&self) -> Vec<(String, usize, Vec<Summary>)> {
         let mut rows = Vec::new();
         for (attribute, sequences) in &self.attributes {
             let on = |score: &Score| {
@@ -123,7 +96,7 @@ impl Comparison {
                     .filter(|(name, _)| sequences.contains(name));
                 Some((
                     having.clone().count(),
-                    Pair::of(&Curves::mean(having.map(|(_, curves)| curves))?),
+                    Summary::of(&Curves::mean(having.map(|(_, curves)| curves))?),
                 ))
             };
             let found: Option<Vec<_>> = self.scores.iter().map(on).collect();
@@ -132,7 +105,7 @@ impl Comparison {
                 rows.push((
                     attribute.clone(),
                     count,
-                    found.into_iter().map(|(_, pair)| pair).collect(),
+                    found.into_iter().map(|(_, summary)| summary).collect(),
                 ));
             }
         }
@@ -140,18 +113,18 @@ impl Comparison {
     }
 
     /// Each sequence with each tracker's scores on it.
-    pub fn per_sequence(&self) -> Vec<(String, Vec<Pair>)> {
+    pub fn per_sequence(&self) -> Vec<(String, Vec<Summary>)> {
         let Some(first) = self.scores.first() else {
             return Vec::new();
         };
         let row = |(i, (name, _)): (usize, &(String, Curves))| {
-            let pairs = self
+            let summaries = self
                 .scores
                 .iter()
                 .filter_map(|score| score.per_sequence.get(i));
             (
                 name.clone(),
-                pairs.map(|(_, curves)| Pair::of(curves)).collect(),
+                summaries.map(|(_, curves)| Summary::of(curves)).collect(),
             )
         };
         first.per_sequence.iter().enumerate().map(row).collect()
@@ -244,7 +217,10 @@ impl Comparison {
             .collect();
         let series = |(i, tracker): (usize, &Evaluation)| Series {
             label: tracker.tracker.clone(),
-            points: rows.iter().map(|(.., pairs)| (0.0, pairs[i].auc)).collect(),
+            points: rows
+                .iter()
+                .map(|(.., summaries)| (0.0, summaries[i].auc))
+                .collect(),
         };
         let series: Vec<Series> = self.trackers.iter().enumerate().map(series).collect();
         (rows.len() >= 3).then(|| plot::radar("AUC per attribute [%]", &spokes, &series))
@@ -262,10 +238,44 @@ impl Comparison {
     }
 }
 
-/// Ratio of the fastest to the slowest tracker from which the axis of speed is logarithmic.
+/// Numbers trackers of one name: `x`, `x (2)`.
+fn number_equal_names(trackers: &mut [Evaluation]) {
+    for i in 0..trackers.len() {
+        let same = trackers[..i]
+            .iter()
+            .filter(|t| t.tracker == trackers[i].tracker)
+            .count();
+        if same > 0 {
+            trackers[i].tracker = format!("{} ({})", trackers[i].tracker, same + 1);
+        }
+    }
+}
+
+/// Keeps the sequences that all trackers have, and notes how many each loses.
+fn keep_common(trackers: &mut [Evaluation], annotations: &[Annotation], notes: &mut Notes) {
+    let has = |t: &Evaluation, name: &str| t.sequences.iter().any(|s| s.annotation.name == name);
+    let common: HashSet<&str> = annotations
+        .iter()
+        .map(|a| a.name.as_str())
+        .filter(|name| trackers.iter().all(|t| has(t, name)))
+        .collect();
+    for tracker in trackers {
+        let before = tracker.sequences.len();
+        tracker
+            .sequences
+            .retain(|s| common.contains(s.annotation.name.as_str()));
+        let left = tracker.sequences.len();
+        if left < before {
+            let text = format!("compared on {left} of its {before} sequences: those that all have");
+            notes.add(&tracker.tracker, text);
+        }
+    }
+}
+
+/// Ratio of the fastest to the slowest tracker above which the axis of speed is logarithmic.
 const FAR_APART: f64 = 8.0;
 
-/// The next round number.
+/// The least round number that is not below `value`.
 fn nice(value: f64) -> f64 {
     let power = 10f64.powf(value.max(1e-9).log10().floor());
     [1.0, 2.0, 5.0, 10.0]
@@ -316,7 +326,8 @@ mod tests {
             "{notes}"
         );
         assert_eq!(compared.ranking(), [1, 0]);
-        let precisions = |pairs: &[Pair]| pairs.iter().map(|p| p.precision).collect::<Vec<_>>();
+        let precisions =
+            |summaries: &[Summary]| summaries.iter().map(|p| p.precision).collect::<Vec<_>>();
         let rows = compared.per_sequence();
         assert_eq!(
             (&rows[1].0[..], precisions(&rows[1].1)),

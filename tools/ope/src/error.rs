@@ -12,9 +12,9 @@ pub enum Error {
     /// A file or folder cannot be written.
     #[error("{}: cannot be written: {error}", path.display())]
     Unwritable {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's reason.
         error: io::Error,
     },
     /// An output would destroy an input.
@@ -23,33 +23,33 @@ pub enum Error {
     /// A sequence cannot be tracked.
     #[error("{sequence}: {reason}")]
     Sequence {
-        /// Which.
+        /// The sequence.
         sequence: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// Sequences could not be tracked.
-    #[error("{failed} of {of} sequences failed, as told above")]
+    #[error("{failed} of {of} sequences failed (the reasons are above)")]
     Failed {
-        /// How many.
+        /// Sequences that failed.
         failed: usize,
-        /// Of how many.
+        /// Sequences that were run.
         of: usize,
     },
     /// An option does not fit the others or the input.
     #[error("{option}: expected {expected}, found {found}")]
     Option {
-        /// Which.
+        /// The option.
         option: &'static str,
         /// What would fit.
         expected: String,
         /// What was given.
         found: String,
     },
-    /// Frames could not be read; every sequence is complete all the same.
+    /// Frames could not be read; every sequence is complete nevertheless.
     #[error("{held} frames could not be read; their boxes are those of the frames before")]
     BadFrames {
-        /// How many.
+        /// Number of frames.
         held: usize,
     },
     /// A model cannot be used.

@@ -1,14 +1,14 @@
 //! One-pass evaluation: runs trackers over benchmarks, scores, compares and diagnoses their boxes.
 //!
 //! A tracker is given the first frame's box and runs once through every sequence. Its boxes are
-//! then held against the annotations by a rule of [`sequences::Convention`].
+//! then compared with the annotations by a rule of [`sequences::Convention`].
 //!
 //! | step | module |
 //! |---|---|
 //! | rendered flights as a benchmark | [`render`] |
-//! | a tracker over a benchmark, ours or another program | [`run`] |
+//! | a tracker over a benchmark, this repository's or another program | [`run`] |
 //! | four passes over each sequence in place of one | [`starts`] |
-//! | our tracker, placed near the target in every frame | [`step`] |
+//! | this repository's tracker, placed near the target in every frame | [`step`] |
 //! | folders of boxes and times | [`results`] |
 //! | one tracker on one benchmark: means over sequences, speed | [`score`], [`speed`] |
 //! | several trackers: tables, plots, a page | [`compare`], [`report`] |

@@ -1,6 +1,7 @@
-//! Pictures as the tracker takes them, and as reports show them.
+//! Reading pictures for the tracker, and encoding those of reports.
 
-use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageResult, RgbImage};
 use std::path::Path;
 use track_cpu::ChannelOrder;
 use track_cpu::source::{Image, Input, Source};
@@ -25,4 +26,16 @@ pub fn rgb(image: &Image) -> Option<RgbImage> {
         ChannelOrder::Bgr | ChannelOrder::Bgra => pixels.flat_map(|p| [p[2], p[1], p[0]]).collect(),
     };
     RgbImage::from_raw(width, height, rgb)
+}
+
+/// An RGB picture of this width and height as JPEG, with a quality from 1 to 100.
+pub fn jpeg(rgb: &[u8], (width, height): (u32, u32), quality: u8) -> ImageResult<Vec<u8>> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, quality).encode(
+        rgb,
+        width,
+        height,
+        ExtendedColorType::Rgb8,
+    )?;
+    Ok(bytes)
 }

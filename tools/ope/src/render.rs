@@ -6,15 +6,15 @@
 //! `occlusion.tag` marks frames in which the target is partly hidden.
 
 use crate::error::Error;
+use crate::picture::jpeg;
 use crate::results::{lines, write_whole};
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
 use sequences::Rect;
-use std::fs;
 use std::path::Path;
+use std::{fs, io};
 
-/// Least visible share of the target for a frame to have a box; other frames are NaN, as in UAV123.
+/// Least visible share of a target that is annotated. Other frames have NaN as their box, as in
+/// UAV123.
 const SEEN: f32 = 0.1;
 /// Visible share of the target below which it counts as partly hidden.
 const HIDDEN: f32 = 0.7;
@@ -74,7 +74,11 @@ impl Flights {
         for i in 0..frames {
             let truth = flight.render(i, &mut frame);
             let path = pictures.join(format!("{:08}.jpg", i + 1));
-            fs::write(&path, jpeg(&path, &frame)?).map_err(Error::unwritable(&path))?;
+            let size = (frame.width as u32, frame.height as u32);
+            jpeg(&frame.data, size, QUALITY)
+                .map_err(io::Error::other)
+                .and_then(|bytes| fs::write(&path, bytes))
+                .map_err(Error::unwritable(&path))?;
             let (seen, b) = (truth.visible >= SEEN || i == 0, truth.bbox);
             let [x, y, w, h] =
                 [b.x, b.y, b.w, b.h].map(|v| if seen { f64::from(v) } else { f64::NAN });
@@ -98,18 +102,6 @@ impl Flights {
         }
         Ok(())
     }
-}
-
-fn jpeg(path: &Path, frame: &FrameBuffer) -> Result<Vec<u8>, Error> {
-    let mut bytes = Vec::new();
-    let (width, height) = (frame.width as u32, frame.height as u32);
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
-        .encode(&frame.data, width, height, ExtendedColorType::Rgb8)
-        .map_err(|error| Error::Unwritable {
-            path: path.to_path_buf(),
-            error: std::io::Error::other(error),
-        })?;
-    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Origin {
-    /// Our tracker.
+    /// This repository's tracker.
     Model {
         /// The model's name or file.
         model: String,
@@ -97,8 +97,8 @@ impl Results {
         Ok(Some(origin))
     }
 
-    /// Reserves the folder for the results of one tracker: an interrupted run goes on, but boxes of
-    /// another model or program are never taken for its own.
+    /// Reserves the folder for the results of one tracker. An interrupted run of it can continue,
+    /// but never with boxes of another model or program.
     ///
     /// # Errors
     /// If the folder holds results of another tracker, or cannot be written.

@@ -2,7 +2,7 @@
 //! its last and its middle frame backwards.
 //!
 //! One-pass evaluation counts everything after the first slip, so that on a few sequences one slip
-//! more or less moves the mean by points. Four starts even that out, for about three times the
+//! more or less changes the mean by points. Four starts even that out, for about three times the
 //! frames. The idea is that of the anchors of the VOT challenges (Kristan et al., VOT2020), except
 //! that every pass runs to the end.
 //!
@@ -54,7 +54,7 @@ impl Start {
     }
 
     /// The frames of a sequence in the order of this pass; `None` if no frame shows the target, or
-    /// no frame is left behind the start.
+    /// no frame is left after the start.
     fn order(self, whole: &Annotation) -> Option<Vec<usize>> {
         let n = whole.boxes.len();
         let nominal = self.nominal(n);
@@ -69,7 +69,7 @@ impl Start {
         (order.len() > 1).then_some(order)
     }
 
-    /// What is annotated along the pass.
+    /// The annotation in the order of the pass.
     fn annotation(self, whole: &Annotation, order: &[usize]) -> Annotation {
         let present = |_: &Vec<bool>| order.iter().map(|&i| whole.is_present(i)).collect();
         Annotation {
@@ -81,7 +81,7 @@ impl Start {
     }
 }
 
-/// Whether more than the first frame is annotated. A sequence without keeps its one pass.
+/// Whether more than the first frame is annotated. Other sequences keep their one pass.
 fn has_passes(whole: &Annotation) -> bool {
     whole.boxes.len() > 1
 }
@@ -130,7 +130,7 @@ pub fn sequence_of(pass: &str) -> &str {
     stripped.next().unwrap_or(pass)
 }
 
-/// Every pass has its sequence's attributes.
+/// The attributes of passes: each pass has those of its sequence.
 pub fn attributes(mut attributes: Attributes) -> Attributes {
     for names in attributes.values_mut() {
         let passes = |name: &String| STARTS.map(|start| format!("{name}{}", start.suffix));

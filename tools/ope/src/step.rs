@@ -21,7 +21,7 @@ const TURN: f64 = 2.4;
 /// Greatest distance of the centers of a target that is found, in sides of the target.
 const FOUND: f64 = 0.3;
 
-/// How the steps through one sequence went.
+/// The result of the steps through one sequence.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Steps {
     /// Frames that count: those with the target whose previous frame has it as well.
@@ -50,7 +50,7 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
         match (truth, before) {
             (Some(truth), Some(before)) => {
                 let mut near = to_tracker(before).center();
-                let off = OFF * (before.w * before.h).sqrt();
+                let off = OFF * before.side();
                 let angle = TURN * i as f64;
                 near.cx += (off * angle.cos()) as f32;
                 near.cy += (off * angle.sin()) as f32;
@@ -63,7 +63,7 @@ pub fn steps(model: &Model, sequence: &Sequence) -> Result<Steps, Error> {
                 );
                 let (dx, dy) = found.offset(&truth);
                 steps.frames += 1;
-                steps.found += f64::from(dx.hypot(dy) < FOUND * (truth.w * truth.h).sqrt());
+                steps.found += f64::from(dx.hypot(dy) < FOUND * truth.side());
                 steps.iou += found.iou(&truth);
             }
             (Some(truth), None) if !started => {
@@ -113,7 +113,8 @@ mod tests {
         let all = steps(&model, &sequence).unwrap();
         assert_eq!((all.frames, all.found), (7, 1.0), "{all:?}");
         assert!(all.iou > 0.6, "{all:?}");
-        // Without a box in one frame neither it nor the next, which would begin at it, is a step.
+        // A frame without a box is not a step, and neither is the next one, which would start at
+        // it.
         sequence.annotation.boxes[4].w = f64::NAN;
         assert_eq!(steps(&model, &sequence).unwrap().frames, 5);
         // Boxes that are elsewhere are not found.

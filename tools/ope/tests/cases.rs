@@ -1,4 +1,4 @@
-//! Data as users hand them in, each with the figures or the message that `ope` gives.
+//! Data as users provide them, each with the figures or the message that `ope` gives.
 
 use serde_json::Value;
 use std::process::Command;
@@ -99,7 +99,7 @@ fn results_in_every_form_score_as_their_boxes_do() {
 }
 
 #[test]
-fn tracker_that_died_is_behind_the_perfect_one_in_the_table() {
+fn tracker_that_crashed_ranks_below_the_perfect_one() {
     let folder = Folder::new("case");
     sequence(&folder, "a", "img", "groundtruth.txt", &boxes());
     folder.write("died/a.txt", "20,40,24,18\n");

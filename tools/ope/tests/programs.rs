@@ -7,7 +7,7 @@ use testing::Folder;
 
 const ECHO: &str = "sh -c 'for f in $(cat {frames}); do echo {init}; echo 0.01 >> {times}; done'";
 
-/// Three sequences of three frames each, whose pictures nobody opens.
+/// Three sequences of three frames each, whose pictures are never opened.
 fn benchmark(name: &str) -> Folder {
     let folder = Folder::new(name);
     for sequence in ["a", "b", "c"] {

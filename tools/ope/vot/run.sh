@@ -51,7 +51,7 @@ timeout = 60
 INI
 done > "$work/trackers.ini"
 
-# The toolkit ends with 0 whatever happens: what it logs says how it went.
+# The toolkit always exits with 0; only its log says whether it succeeded.
 log=$work/log.txt
 vot() {
     (cd "$work" && "$venv/bin/vot" --registry "$work/trackers.ini" "$@" 2>&1) | tee -a "$log" | tr '\r' '\n' |

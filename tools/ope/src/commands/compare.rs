@@ -1,14 +1,14 @@
 //! `ope compare` and `ope report`.
 
 use crate::args::{CompareArgs, ReportArgs, TrackersArgs};
-use ope::compare::{Comparison, Pair};
+use ope::compare::{Comparison, Summary};
 use ope::score::Missing;
 use ope::table::Table;
 use ope::{Error, Results, diagnosis, report, results, starts};
 use sequences::Notes;
 use std::fs;
 
-/// Reads what is to be compared.
+/// Reads the annotations and results to compare.
 pub fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
     let mut notes = Notes::default();
     let annotations = super::truth(&args.truth)?;
@@ -60,7 +60,7 @@ pub fn read(args: &TrackersArgs) -> Result<Comparison, Error> {
 /// Prints tables and writes plots.
 pub fn compare(args: &CompareArgs) -> Result<(), Error> {
     if let Some(folder) = &args.out {
-        super::spare(
+        super::check_output(
             &folder.join("precision.svg"),
             &super::read_by(&args.trackers),
         )?;
@@ -84,7 +84,7 @@ pub fn compare(args: &CompareArgs) -> Result<(), Error> {
 
 /// Writes the page.
 pub fn report(args: &ReportArgs) -> Result<(), Error> {
-    super::spare(&args.out, &super::read_by(&args.trackers))?;
+    super::check_output(&args.out, &super::read_by(&args.trackers))?;
     let comparison = read(&args.trackers)?;
     let diagnosis = diagnosis::diagnose(&comparison);
     let mut failures = Vec::new();
@@ -126,12 +126,12 @@ fn tables(comparison: &Comparison) -> String {
         table.row(row);
     }
     let mut text = format!("rule {}\n{table}", comparison.convention.name());
-    let cells = |pairs: &[Pair]| -> Vec<String> {
-        let deltas = pairs
+    let cells = |summaries: &[Summary]| -> Vec<String> {
+        let deltas = summaries
             .iter()
             .skip(1)
-            .map(|p| format!("{:+.1}", p.auc - pairs[0].auc));
-        pairs
+            .map(|p| format!("{:+.1}", p.auc - summaries[0].auc));
+        summaries
             .iter()
             .take(1)
             .map(|p| format!("{:.1}", p.auc))
@@ -146,17 +146,17 @@ fn tables(comparison: &Comparison) -> String {
     let attributes = comparison.per_attribute();
     if !attributes.is_empty() {
         let mut table = header("AUC per attribute, then differences to the first");
-        for (name, count, pairs) in &attributes {
+        for (name, count, summaries) in &attributes {
             let mut row = vec![format!("{name} ({count})")];
-            row.extend(cells(pairs));
+            row.extend(cells(summaries));
             table.row(row);
         }
         text += &format!("\n{table}");
     }
     let mut table = header("AUC per sequence, then differences to the first");
-    for (name, pairs) in comparison.per_sequence() {
+    for (name, summaries) in comparison.per_sequence() {
         let mut row = vec![name];
-        row.extend(cells(&pairs));
+        row.extend(cells(&summaries));
         table.row(row);
     }
     text + &format!("\n{table}")

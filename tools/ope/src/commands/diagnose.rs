@@ -13,7 +13,7 @@ use std::path::Path;
 pub fn run(args: &DiagnoseArgs) -> Result<(), Error> {
     let truth = &args.trackers.truth;
     if let Some(out) = &args.out {
-        super::spare(out, &super::read_by(&args.trackers))?;
+        super::check_output(out, &super::read_by(&args.trackers))?;
     }
     let comparison = super::compare::read(&args.trackers)?;
     let diagnosis = diagnose(&comparison);

@@ -5,7 +5,7 @@ use ope::{Error, Results};
 
 /// Writes results in another toolkit's layout.
 pub fn run(args: &ExportArgs) -> Result<(), Error> {
-    super::spare(&args.out.join("results"), &[&args.results])?;
+    super::check_output(&args.out.join("results"), &[&args.results])?;
     let results = Results::open(&args.results)?;
     let name = match &args.name {
         Some(name) => super::folder_name(name)?.to_owned(),

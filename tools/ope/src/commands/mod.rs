@@ -31,11 +31,11 @@ pub fn exit(error: &Error) -> ExitCode {
     exit.fail(error)
 }
 
-/// Refuses a `--out` that would overwrite what is read.
-fn spare(output: &Path, inputs: &[&Path]) -> Result<(), Error> {
+/// Refuses a `--out` that would overwrite an input.
+fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Error> {
     check_outputs(&[("--out", output)], inputs).map_err(|clash| Error::Option {
         option: "--out",
-        expected: "a path that spares the inputs".into(),
+        expected: "a path that overwrites no input".into(),
         found: clash.to_string(),
     })
 }
@@ -57,7 +57,7 @@ fn print(text: &str) -> Result<(), Error> {
         .map_err(Error::unwritable(Path::new("standard output")))
 }
 
-/// The annotations meant, by name; what is left out is noted on standard error.
+/// The annotations that the options name. Notes about those left out go to standard error.
 fn truth(args: &TruthArgs) -> Result<Vec<Annotation>, Error> {
     let mut notes = Notes::default();
     let whole = match (&args.annotations, args.dataset, &args.root) {
@@ -65,7 +65,7 @@ fn truth(args: &TruthArgs) -> Result<Vec<Annotation>, Error> {
         (None, Some(set), Some(root)) => set.annotations(root, &mut notes).map_err(Error::from),
         _ => Err(Error::Option {
             option: "--annotations",
-            expected: "it, or --dataset with --root".into(),
+            expected: "a folder, or --dataset with --root instead".into(),
             found: "neither".into(),
         }),
     }?;
@@ -77,12 +77,12 @@ fn truth(args: &TruthArgs) -> Result<Vec<Annotation>, Error> {
     })
 }
 
-/// The sequences meant with their pictures; `None` if only annotations are given.
+/// The sequences that the options name, with their pictures; `None` if only annotations are given.
 fn sequences(args: &TruthArgs) -> Result<Option<Vec<Sequence>>, Error> {
     let (Some(set), Some(root)) = (args.dataset, &args.root) else {
         return Ok(None);
     };
-    // What is left out was noted when the annotations were read.
+    // `truth` has already printed the notes.
     let whole = set.load(root, &mut Notes::default())?;
     Ok(Some(if args.four_starts {
         starts::sequences(whole)
@@ -91,7 +91,7 @@ fn sequences(args: &TruthArgs) -> Result<Option<Vec<Sequence>>, Error> {
     }))
 }
 
-/// A tracker's name, checked to be a folder's.
+/// A tracker's name, if a folder can have it.
 fn folder_name(name: &str) -> Result<&str, Error> {
     if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
         let expected = "a name for a folder".to_owned();

@@ -83,7 +83,7 @@ fn model_runner(args: &RunArgs) -> Result<(Runner, Origin), Error> {
 /// Makes one folder of several.
 pub fn merge(args: &MergeArgs) -> Result<(), Error> {
     let parts: Vec<&Path> = args.parts.iter().map(PathBuf::as_path).collect();
-    super::spare(&args.out.join("times"), &parts)?;
+    super::check_output(&args.out.join("times"), &parts)?;
     let sequences = ope::run::merge(&args.parts, &args.out)?;
     eprintln!("{sequences} sequences in {}", args.out.display());
     Ok(())

@@ -1,4 +1,4 @@
-//! Every time a tracker goes off its target: when, for how long, and what its box went to.
+//! Losses: every time a tracker goes off its target, for how long, and how its box moved.
 
 use super::{OFF, ON, overlap, visible_frames};
 use crate::score::Evaluated;
@@ -14,12 +14,12 @@ const BEFORE: usize = 40;
 const GROWN: f64 = 2.0;
 /// Area of the box, in areas of the truth, below which it has shrunk onto a part.
 const SHRUNK: f64 = 0.4;
-/// Way of the box's center in one frame, in sides of the truth, above which it has jumped.
+/// Movement of the box's center in one frame, in sides of the truth, above which it has jumped.
 const JUMP: f64 = 1.0;
-/// Way of the box's center in one frame, in sides of the truth, below which it stands still.
+/// Movement of the box's center per frame, in sides of the truth, below which it stays in place.
 const STILL: f64 = 0.05;
-/// Frames behind a loss over which the way of the box is measured.
-const BEHIND: usize = 10;
+/// Frames after a loss over which the movement of the box is measured.
+const AFTER: usize = 10;
 
 /// What a box did when it left the target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -27,15 +27,15 @@ const BEHIND: usize = 10;
 pub enum Cause {
     /// The tracker gave no usable box.
     NoBox,
-    /// The target was not to be seen within the frames before.
+    /// The target was hidden in a frame between the last one on it and the loss.
     Hidden,
     /// The box moved by more than a side within one frame.
     Jumped,
-    /// The box had grown over more than twice the target's area.
+    /// The box had grown to more than twice the target's area.
     Grew,
     /// The box had shrunk onto a part of the target.
     Shrank,
-    /// The box stayed in its place in the picture while the target moved on.
+    /// The box stayed in its place in the picture while the target moved away.
     Stayed,
     /// The box slid off with something else.
     Slid,
@@ -65,11 +65,11 @@ pub struct Loss {
     pub sequence: String,
     /// The first frame off the target, counted from 0 along the pass.
     pub frame: usize,
-    /// The last frame on the target before.
+    /// The last frame on the target before the loss.
     pub last_on: usize,
     /// The frame in which the tracker is on the target again; `None` if it never is.
     pub back: Option<usize>,
-    /// Visible frames until then, or until the end.
+    /// Visible frames until the tracker is back, or until the end of the pass.
     pub lost_for: usize,
     /// What the box did.
     pub cause: Cause,
@@ -114,7 +114,7 @@ pub fn of(pass: &Evaluated) -> Vec<Loss> {
     losses
 }
 
-/// A loss whose first frame off the target is `frame`, its end left open.
+/// A loss whose first frame off the target is `frame`; [`of`] fills in its end.
 fn loss(pass: &Evaluated, frame: usize, last_on: usize) -> Loss {
     let name = &pass.annotation.name;
     let truth = pass.annotation.boxes[frame];
@@ -145,7 +145,8 @@ fn loss(pass: &Evaluated, frame: usize, last_on: usize) -> Loss {
     }
 }
 
-/// The first of the causes that holds, in the order in which one hides the next.
+/// Why the pass lost its target: the first cause that applies. An earlier one can bring about those
+/// after it.
 fn cause(pass: &Evaluated, frame: usize, last_on: usize) -> Cause {
     let annotation = &pass.annotation;
     let Some(found) = pass.boxes.get(frame).filter(|found| found.is_usable()) else {
@@ -155,11 +156,11 @@ fn cause(pass: &Evaluated, frame: usize, last_on: usize) -> Cause {
         return Cause::Hidden;
     }
     let side = annotation.boxes[frame].side();
-    let way = |from: usize, to: usize| {
+    let moved = |from: usize, to: usize| {
         let (dx, dy) = pass.boxes[to].offset(&pass.boxes[from]);
         dx.hypot(dy) / side
     };
-    if (last_on + 1..=frame).any(|i| way(i - 1, i) > JUMP) {
+    if (last_on + 1..=frame).any(|i| moved(i - 1, i) > JUMP) {
         return Cause::Jumped;
     }
     let truth = annotation.boxes[last_on];
@@ -172,8 +173,8 @@ fn cause(pass: &Evaluated, frame: usize, last_on: usize) -> Cause {
     if area.min(area_at_loss) < SHRUNK {
         return Cause::Shrank;
     }
-    let end = (frame + BEHIND).min(pass.boxes.len() - 1);
-    if way(last_on, end) < STILL * (end - last_on) as f64 {
+    let end = (frame + AFTER).min(pass.boxes.len() - 1);
+    if moved(last_on, end) < STILL * (end - last_on) as f64 {
         return Cause::Stayed;
     }
     Cause::Slid

@@ -1,5 +1,5 @@
-//! Why a tracker scores as it does: whether its boxes follow the target's shape, and where they
-//! end.
+//! Why a tracker scores as it does: whether its boxes follow the target's shape, and how it loses
+//! the target.
 //!
 //! AUC adds up two kinds of error. A box may be on the target and not follow its shape ([`shape`]),
 //! or it may end on something else ([`losses`]). Shape is measured on the frames in which every
@@ -26,7 +26,7 @@ pub const ON: f64 = 0.2;
 /// Overlap below which a box is off the target.
 pub const OFF: f64 = 0.1;
 
-/// What is wrong with the boxes of several trackers.
+/// The diagnoses of several trackers on one benchmark.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
     /// The rule of precision and AUC.
@@ -39,10 +39,10 @@ pub struct Diagnosis {
     pub trackers: Vec<Diagnosed>,
 }
 
-/// What is wrong with the boxes of one tracker.
+/// The shape of one tracker's boxes, and its losses.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosed {
-    /// What the tracker is called.
+    /// The tracker's name.
     pub tracker: String,
     /// Precision at 20 pixels in percent.
     pub precision: f64,
@@ -50,9 +50,9 @@ pub struct Diagnosed {
     pub auc: f64,
     /// Share of the visible frames in which it is on the target, in percent.
     pub on_target: f64,
-    /// Its boxes in the common frames.
+    /// How its boxes follow the target's shape in the common frames.
     pub shape: Shape,
-    /// Every time it went off the target.
+    /// Its losses of the target.
     pub losses: Vec<Loss>,
 }
 
@@ -85,12 +85,12 @@ pub fn diagnose(comparison: &Comparison) -> Diagnosis {
     }
 }
 
-/// The overlap in every visible frame behind the first; 0 where the tracker has no box.
+/// The overlap in every visible frame after the first; 0 where the tracker has no box.
 fn overlaps(pass: &Evaluated) -> impl Iterator<Item = f64> + '_ {
     visible_frames(pass).map(|i| overlap(pass, i))
 }
 
-/// The frames behind the first that show the target.
+/// The frames after the first that show the target.
 fn visible_frames(pass: &Evaluated) -> impl Iterator<Item = usize> + '_ {
     (1..pass.annotation.boxes.len()).filter(|i| pass.annotation.is_visible(*i))
 }

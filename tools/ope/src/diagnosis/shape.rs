@@ -2,7 +2,7 @@
 //!
 //! With the box `w x h` in a frame and `w0 x h0` in the pass's first frame, which is the truth's,
 //! the change of aspect is `ln(w / h) - ln(w0 / h0)` and the change of size
-//! `ln(sqrt(w h)) - ln(sqrt(w0 h0))`. [`Fit`] holds the box's changes against the truth's.
+//! `ln(sqrt(w h)) - ln(sqrt(w0 h0))`. [`Fit`] compares the box's changes with the truth's.
 
 use crate::score::Evaluated;
 use sequences::curves::mean;
@@ -47,9 +47,9 @@ pub struct Bin {
 /// How boxes follow the target's shape.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Shape {
-    /// Of the logarithm of width over height.
+    /// Fit of the change of aspect.
     pub aspect: Fit,
-    /// Of the logarithm of the root of the area.
+    /// Fit of the change of size.
     pub size: Fit,
     /// Mean distance of the centers in sides of the truth.
     pub center_error: f64,
@@ -83,7 +83,7 @@ pub fn frames(pass: &Evaluated, frames: &[usize]) -> Vec<Frame> {
 }
 
 impl Fit {
-    /// Holds pairs of changes, the truth's and the box's, against each other.
+    /// Fits pairs of changes: the truth's, then the box's.
     fn of(changes: impl Iterator<Item = [f64; 2]>) -> Fit {
         let mut products = 0.0;
         let mut squares = 0.0;
@@ -129,7 +129,7 @@ impl Shape {
         cells
     }
 
-    /// Sums frames up; zeros without frames.
+    /// The figures over all frames; zeros without frames.
     pub fn of(frames: impl IntoIterator<Item = Frame>) -> Shape {
         let frames: Vec<Frame> = frames.into_iter().collect();
         let mean_over = |of: fn(&Frame) -> f64| mean(frames.iter().map(of));

@@ -1,4 +1,4 @@
-//! Contact sheets of losses: the target as it was given, and the frames around its loss.
+//! Contact sheets of losses: the pass's first frame and the frames around the loss.
 
 use super::Loss;
 use crate::error::Error;
@@ -9,8 +9,7 @@ use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use sequences::{Rect, Sequence};
 
-/// Frames shown, counted from the first one off the target; the pass's first frame comes before
-/// them.
+/// The frames shown after the pass's first one, relative to the first frame off the target.
 const FRAMES: [i64; 7] = [-20, -8, -3, 0, 3, 8, 20];
 /// Side of a picture on the sheet in pixels.
 const TILE: u32 = 192;
@@ -20,12 +19,12 @@ const GAP: u32 = 4;
 const COLUMNS: u32 = 4;
 /// Least side of the part of a frame that is shown, in sides of the target.
 const AROUND: f64 = 5.0;
-/// Room around the boxes, as a factor of their extent.
-const ROOM: f64 = 1.3;
+/// Side of the part that is shown, in sides of the smallest square around both boxes.
+const MARGIN: f64 = 1.3;
 
 const TRUTH: Rgb<u8> = Rgb([255, 255, 255]);
 const FOUND: Rgb<u8> = Rgb([213, 94, 0]);
-const BEHIND: Rgb<u8> = Rgb([40, 40, 40]);
+const BACKGROUND: Rgb<u8> = Rgb([40, 40, 40]);
 
 /// The frames of a loss, each cut out around the truth (white) and the tracker's box (orange).
 ///
@@ -43,7 +42,7 @@ pub fn sheet(loss: &Loss, pass: &Evaluated, sequence: &Sequence) -> Result<RgbIm
     }
     let rows = (shown.len() as u32).div_ceil(COLUMNS);
     let extent = |count: u32| count * (TILE + GAP) + GAP;
-    let mut sheet = RgbImage::from_pixel(extent(COLUMNS), extent(rows), BEHIND);
+    let mut sheet = RgbImage::from_pixel(extent(COLUMNS), extent(rows), BACKGROUND);
     for (i, frame) in (0u32..).zip(shown) {
         let truth = pass.annotation.boxes[frame];
         let tile = tile(loss, sequence, frame, truth, pass.boxes[frame])?;
@@ -54,6 +53,7 @@ pub fn sheet(loss: &Loss, pass: &Evaluated, sequence: &Sequence) -> Result<RgbIm
     Ok(sheet)
 }
 
+/// One frame of the sheet, with the outlines of both boxes.
 fn tile(
     loss: &Loss,
     sequence: &Sequence,
@@ -84,7 +84,7 @@ fn tile(
     Ok(tile)
 }
 
-/// The whole pixels of a picture that are shown: a square around both boxes, moved into the
+/// The part of a picture that is shown, in whole pixels: a square around both boxes, moved into the
 /// picture.
 fn part(picture: &RgbImage, truth: Rect, found: Rect) -> Rect {
     let width = f64::from(picture.width());
@@ -99,7 +99,7 @@ fn part(picture: &RgbImage, truth: Rect, found: Rect) -> Rect {
     }
     let around = Rect::around(&corners);
     let least = boxes[0].side() * AROUND;
-    let side = (around.w.max(around.h) * ROOM).max(least).ceil();
+    let side = (around.w.max(around.h) * MARGIN).max(least).ceil();
     let (w, h) = (side.min(width).max(1.0), side.min(height).max(1.0));
     let x = (around.x + around.w / 2.0 - w / 2.0).clamp(0.0, width - w);
     let y = (around.y + around.h / 2.0 - h / 2.0).clamp(0.0, height - h);

@@ -168,7 +168,7 @@ fn loss_ends_where_the_box_is_on_the_target_again() {
 }
 
 #[test]
-fn loss_behind_a_hidden_target_says_so() {
+fn loss_of_a_hidden_target_has_that_cause() {
     let mut truth = moving();
     for rect in &mut truth[15..18] {
         *rect = Rect::NONE;

@@ -1,11 +1,10 @@
-//! The part of the page about the boxes' shape and about losses.
+//! The page's section on the boxes' shape and on losses.
 
 use super::table;
 use crate::compare::Comparison;
 use crate::diagnosis::{Diagnosis, Loss, sheet};
 use crate::error::Error;
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
+use crate::picture::jpeg;
 use sequences::Sequence;
 use sequences::plot::escape;
 use std::fmt::Write;
@@ -47,10 +46,7 @@ pub fn sheets(
             continue;
         };
         let picture = sheet::sheet(loss, pass, sequence)?;
-        let mut bytes = Vec::new();
-        let (width, height) = picture.dimensions();
-        JpegEncoder::new_with_quality(&mut bytes, QUALITY)
-            .encode(&picture, width, height, ExtendedColorType::Rgb8)
+        let bytes = jpeg(&picture, picture.dimensions(), QUALITY)
             .map_err(|error| crate::run::failure(&loss.pass, error))?;
         sheets.push(Sheet {
             loss: loss.clone(),

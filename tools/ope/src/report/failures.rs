@@ -2,9 +2,8 @@
 
 use crate::compare::Comparison;
 use crate::error::Error;
-use crate::picture::{decode, rgb};
-use image::codecs::jpeg::JpegEncoder;
-use image::{ExtendedColorType, imageops};
+use crate::picture::{decode, jpeg, rgb};
+use image::imageops;
 use sequences::{Rect, Sequence};
 use track_cpu::source::Image;
 
@@ -15,7 +14,7 @@ const LOST: f64 = 0.1;
 /// Quality of the pictures, of 100.
 const QUALITY: u8 = 72;
 
-/// The longest stretch for which a target was lost, by one picture from its middle.
+/// The longest run of frames in which a target was lost, and the frame in its middle.
 #[derive(Clone, Debug)]
 pub struct Failure {
     /// The sequence.
@@ -24,7 +23,7 @@ pub struct Failure {
     pub frame: usize,
     /// Frames in the sequence.
     pub frames: usize,
-    /// Frames in the stretch.
+    /// Frames in the run.
     pub lost: usize,
     /// The first tracker's AUC on the sequence, in percent.
     pub auc: f64,
@@ -70,6 +69,7 @@ pub fn failures(
     Ok(failures)
 }
 
+/// The longest failure of the first tracker on a sequence; `None` if it never lost the target.
 fn failure(
     comparison: &Comparison,
     sequence: &Sequence,
@@ -101,7 +101,7 @@ fn failure(
     };
     let picture = decode(path).map_err(unreadable)?;
     let (width, height) = (picture.width, picture.height);
-    let jpeg = jpeg(&picture)
+    let jpeg = thumbnail(&picture)
         .ok_or_else(|| unreadable(format!("{}: cannot be encoded", path.display())))?;
     let boxes = |t| {
         of(t)
@@ -136,8 +136,8 @@ fn longest(flags: &[bool]) -> Option<(usize, usize)> {
     best
 }
 
-/// The picture, made smaller, as JPEG.
-fn jpeg(picture: &Image) -> Option<Vec<u8>> {
+/// The picture as JPEG, at most [`WIDTH`] pixels wide; `None` if it has no pixels.
+fn thumbnail(picture: &Image) -> Option<Vec<u8>> {
     let full = rgb(picture)?;
     let height = full.height() * WIDTH / full.width();
     let small = if full.width() > WIDTH {
@@ -145,13 +145,7 @@ fn jpeg(picture: &Image) -> Option<Vec<u8>> {
     } else {
         full
     };
-    let mut bytes = Vec::new();
-    let mut encoder = JpegEncoder::new_with_quality(&mut bytes, QUALITY);
-    let (width, height) = small.dimensions();
-    encoder
-        .encode(&small, width, height, ExtendedColorType::Rgb8)
-        .ok()?;
-    Some(bytes)
+    jpeg(&small, small.dimensions(), QUALITY).ok()
 }
 
 #[cfg(test)]

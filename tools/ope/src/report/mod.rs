@@ -132,10 +132,10 @@ fn attributes(comparison: &Comparison) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let row = |(name, count, pairs): &(String, usize, Vec<crate::compare::Pair>)| {
+    let row = |(name, count, summaries): &(String, usize, Vec<crate::compare::Summary>)| {
         let mut row = vec![escape(name), count.to_string()];
         row.extend(
-            pairs
+            summaries
                 .iter()
                 .flat_map(|p| [p.precision, p.auc])
                 .map(|v| format!("{v:.1}")),
@@ -153,20 +153,20 @@ fn sequences_table(comparison: &Comparison) -> String {
     let several = comparison.trackers.len() > 1;
     let mut header = columns(comparison, &["sequence"]);
     header.extend(several.then(|| "AUC ahead of the best other".to_owned()));
-    let row = |(name, pairs): &(String, Vec<crate::compare::Pair>)| {
+    let row = |(name, summaries): &(String, Vec<crate::compare::Summary>)| {
         let mut row = vec![escape(name)];
         row.extend(
-            pairs
+            summaries
                 .iter()
                 .flat_map(|p| [p.precision, p.auc])
                 .map(|v| format!("{v:.1}")),
         );
-        let others = pairs
+        let others = summaries
             .iter()
             .skip(1)
             .map(|p| p.auc)
             .fold(f64::NEG_INFINITY, f64::max);
-        row.extend(several.then(|| format!("{:+.1}", pairs[0].auc - others)));
+        row.extend(several.then(|| format!("{:+.1}", summaries[0].auc - others)));
         row
     };
     let rows: Vec<_> = comparison.per_sequence().iter().map(row).collect();

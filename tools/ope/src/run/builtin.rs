@@ -1,4 +1,4 @@
-//! Our tracker over one sequence.
+//! This repository's tracker over one sequence.
 
 use super::{Outcome, failure};
 use crate::boxes::{from_tracker, to_tracker};

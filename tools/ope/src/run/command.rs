@@ -1,4 +1,4 @@
-//! Another program over one sequence.
+//! Another program over one sequence, by its command line.
 
 use super::{Outcome, failure};
 use crate::error::Error;
@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 /// | `{frames}` | a text file with the path of each frame, a line each |
 /// | `{folder}` | the folder of the first frame |
 /// | `{init}` | the first frame's box: `x,y,w,h` |
-/// | `{out}` | the file to write the boxes to; where it is not named, standard output is taken |
+/// | `{out}` | the file to write the boxes to; without it, they are read from standard output |
 /// | `{times}` | the file to write the seconds of each frame to, if the program can |
 ///
 /// Words are separated by spaces; quotes keep a word together. No shell is involved.

@@ -28,7 +28,7 @@ use track_cpu::source::OnBadFrame;
 /// The tracker that is run.
 #[derive(Clone, Debug)]
 pub enum Runner {
-    /// Our tracker, one thread per sequence, and its treatment of frames that cannot be read.
+    /// This repository's tracker, one thread per sequence, and how it treats unreadable frames.
     Builtin(Model, OnBadFrame),
     /// Another program.
     Program(Program),
@@ -40,14 +40,14 @@ pub struct Program {
     /// How it is started.
     pub line: CommandLine,
     /// How frames are passed to it.
-    pub manner: Manner,
+    pub protocol: Protocol,
     /// Longest time for one frame.
     pub timeout: Duration,
 }
 
 /// How frames are passed to a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Manner {
+pub enum Protocol {
     /// All at once, by its command line.
     Files,
     /// One at a time, by the TraX protocol. The program is restarted for each sequence.
@@ -63,21 +63,21 @@ impl Program {
     /// # Errors
     /// As of [`CommandLine::parse`].
     pub fn parse(text: &str) -> Result<Program, String> {
-        let (manner, line) = match text.strip_prefix("trax:") {
-            Some(line) => (Manner::Trax, line),
-            None => (Manner::Files, text),
+        let (protocol, line) = match text.strip_prefix("trax:") {
+            Some(line) => (Protocol::Trax, line),
+            None => (Protocol::Files, text),
         };
         Ok(Program {
             line: CommandLine::parse(line)?,
-            manner,
+            protocol,
             timeout: Program::TIMEOUT,
         })
     }
 
     fn track(&self, sequence: &Sequence, first: Rect, folder: &Path) -> Result<Outcome, Error> {
-        match self.manner {
-            Manner::Files => self.line.track(self.timeout, sequence, first, folder),
-            Manner::Trax => session::track(&self.line, self.timeout, sequence, first),
+        match self.protocol {
+            Protocol::Files => self.line.track(self.timeout, sequence, first, folder),
+            Protocol::Trax => session::track(&self.line, self.timeout, sequence, first),
         }
     }
 }
@@ -89,7 +89,7 @@ pub struct Outcome {
     pub boxes: Vec<Rect>,
     /// Seconds per frame, reading pictures excluded; empty if not known.
     pub seconds: Vec<f64>,
-    /// Frames that could not be read: the box of the frame before stands for each.
+    /// Frames that could not be read. Their boxes are that of the frame before.
     pub held: usize,
 }
 
@@ -139,8 +139,8 @@ impl FromStr for Shard {
 /// `jobs` sequences run at a time; `progress` gets a line about each.
 ///
 /// # Errors
-/// If the folder cannot be written, or sequences fail. The others still run, and `progress` gets
-/// each failure. If boxes were held over frames that cannot be read, after all sequences.
+/// If the folder cannot be written. If a sequence fails: the others still run, and `progress` gets
+/// each failure. If a box was held over an unreadable frame: all sequences are complete.
 pub fn run(
     sequences: &[Sequence],
     shard: Shard,
@@ -195,6 +195,7 @@ pub fn run(
     }
 }
 
+/// The line about a sequence that has been run.
 fn describe(name: &str, outcome: &Outcome) -> String {
     let seconds: f64 = outcome.seconds.iter().sum();
     let frames = outcome.boxes.len();

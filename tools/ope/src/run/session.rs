@@ -1,4 +1,4 @@
-//! Another program over one sequence through the TraX protocol, of which this is the client.
+//! Another program over one sequence: the client of the TraX protocol.
 
 use super::{CommandLine, Outcome, failure};
 use crate::error::Error;
@@ -12,11 +12,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 use trax::{Kind, Message, Rectangle, Region};
 
-/// Messages that a program may send ahead before it blocks.
+/// Messages that a program can send before its next one blocks.
 const AHEAD: usize = 16;
 
-/// Time for a program to end after `quit`.
-const FAREWELL: Duration = Duration::from_secs(3);
+/// Time for a program to end after `quit` before it is killed.
+const QUIT_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Starts the program and sends it the frames of a sequence.
 ///
@@ -43,7 +43,7 @@ pub fn track(
     for (i, path) in sequence.frames.iter().enumerate() {
         let image = url(path)?;
         let messages = if i == 0 {
-            server.beginning(image, first)
+            server.initialization(image, first)
         } else {
             vec![frame(image)]
         };
@@ -58,7 +58,7 @@ pub fn track(
     Ok(outcome)
 }
 
-/// A picture as a message names it.
+/// The URL of a picture in a message.
 fn url(path: &Path) -> Result<String, Error> {
     let absolute = fs::canonicalize(path).map_err(Error::unreadable(path))?;
     Ok(format!("file://{}", absolute.display()))
@@ -91,15 +91,15 @@ impl Server {
         server.version = version
             .parse()
             .map_err(|_| format!("hello: unknown version {version:?}"))?;
-        let takes = |key: &str, form: &str| {
-            hello
-                .get(key)
-                .is_none_or(|forms| forms.split(';').any(|f| f == form))
-        };
-        if !takes("trax.image", "path") {
-            return Err("hello: it takes no pictures by their path".into());
+        let includes = |forms: &str, form: &str| forms.split(';').any(|f| f == form);
+        let images = hello.get("trax.image").unwrap_or("path");
+        if !includes(images, "path") {
+            return Err(format!(
+                "hello: expected pictures by path, found {images:?}"
+            ));
         }
-        server.takes_rectangles = takes("trax.region", "rectangle");
+        let regions = hello.get("trax.region").unwrap_or("rectangle");
+        server.takes_rectangles = includes(regions, "rectangle");
         Ok(server)
     }
 
@@ -135,8 +135,8 @@ impl Server {
         })
     }
 
-    /// The messages that name the object and its picture.
-    fn beginning(&self, image: String, first: Rect) -> Vec<Message> {
+    /// The messages that initialize the tracker: the first picture and the box in it.
+    fn initialization(&self, image: String, first: Rect) -> Vec<Message> {
         let Rect { x, y, w, h } = first;
         let region = if self.takes_rectangles {
             Rectangle::new(x, y, w, h).to_string()
@@ -161,7 +161,7 @@ impl Server {
             .to
             .write_all(text.as_bytes())
             .and_then(|()| self.to.flush());
-        // One that has gone may have said why.
+        // A program that has ended may have sent its reason before.
         let state = self.next(Kind::State).map_err(|reason| match &sent {
             Err(error) => format!("{reason} ({error})"),
             Ok(()) => reason,
@@ -198,10 +198,10 @@ impl Server {
         }
     }
 
-    /// Sends `quit` and waits a moment. The drop kills a program that stays.
+    /// Sends `quit` and waits for the program to end. The drop kills one that does not.
     fn quit(&mut self) {
         let _ = writeln!(self.to, "{}", Message::new(Kind::Quit)).and_then(|()| self.to.flush());
-        let deadline = Instant::now() + FAREWELL;
+        let deadline = Instant::now() + QUIT_TIMEOUT;
         while Instant::now() < deadline && matches!(self.child.try_wait(), Ok(None)) {
             thread::sleep(Duration::from_millis(2));
         }
@@ -210,7 +210,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        let _ = self.child.kill(); // fails where it has ended
+        let _ = self.child.kill(); // fails if it has ended already
         let _ = self.child.wait();
     }
 }

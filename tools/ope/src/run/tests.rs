@@ -18,7 +18,7 @@ fn sequences(folder: &Folder) -> Vec<Sequence> {
     ["a", "b", "c"].map(sequence).to_vec()
 }
 
-/// Runs a program and returns how it ended, with what was told.
+/// Runs a program and returns the result and its messages.
 fn run_command(
     sequences: &[Sequence],
     shard: &str,
@@ -98,7 +98,10 @@ fn failed_sequence_is_told_and_the_others_run() {
     sequences[0].annotation.boxes[0].w = f64::NAN;
     let command = "sh -c 'echo {init}; case {folder} in */b);; *) echo {init}; echo {init};; esac'";
     let (done, told) = run_command(&sequences, "1/1", command, &out);
-    assert_eq!(done, Err("2 of 3 sequences failed, as told above".into()));
+    assert_eq!(
+        done,
+        Err("2 of 3 sequences failed (the reasons are above)".into())
+    );
     assert!(
         told.contains("a: failed: a: its first annotated box has no area"),
         "{told}"
@@ -221,7 +224,7 @@ fn programs_that_speak_trax_are_led_through_a_sequence() {
     let blind = server("4", ":").replace("trax.image=path", "trax.image=memory");
     let (_, told) = run_command(&sequences[..1], "1/1", &blind, &at("failed"));
     assert!(
-        told.contains("it takes no pictures by their path"),
+        told.contains("hello: expected pictures by path, found \"memory\""),
         "{told}"
     );
     let (_, told) = run_command(
