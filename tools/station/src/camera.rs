@@ -8,21 +8,21 @@ use crate::say::say;
 
 /// Frames in a row that may be damaged before the camera is opened again.
 const MAX_DAMAGED: u32 = 30;
-/// How often a silent device is asked whether it is still wanted.
+/// How long one wait for a buffer of a silent device lasts.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// How a device's buffers are laid out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// A JPEG each.
+    /// One JPEG per buffer.
     Jpeg,
-    /// Brightness and color by turns, `YUYV`.
+    /// Luma and chroma interleaved, luma first: `YUYV`.
     Yuyv,
-    /// Color and brightness by turns, `UYVY`.
+    /// Luma and chroma interleaved, chroma first: `UYVY`.
     Uyvy,
-    /// A plane of brightness, then one of color, `NV12`.
+    /// A plane of luma, then one of interleaved chroma: `NV12`.
     Nv12,
-    /// As `NV12`, with the two colors swapped.
+    /// As `NV12`, with the two chroma components swapped.
     Nv21,
     /// Three bytes per pixel.
     Bgr,
@@ -30,7 +30,7 @@ pub enum Layout {
     Rgb,
     /// One byte per pixel.
     Gray,
-    /// Two bytes per pixel, the low one first, as thermal cameras have it.
+    /// Two bytes per pixel, the low one first, as thermal cameras deliver it.
     Gray16,
 }
 
@@ -43,25 +43,25 @@ pub struct Format {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// Bytes from row to row, if the device tells them.
+    /// Bytes from row to row, if the device reports them.
     pub stride: Option<usize>,
 }
 
-/// A streaming camera, real or made up for a test.
+/// A streaming camera: a real device, or one that a test simulates.
 pub trait Device {
     /// What it delivers.
     fn format(&self) -> Format;
 
-    /// Waits for a buffer for at most `patience` and hands it to `work`.
+    /// Waits for a buffer for at most `patience` and calls `work` with it.
     ///
-    /// Returns `false` if none came. A buffer that the driver marks as damaged is passed over.
+    /// Returns `false` if none came. A buffer that the driver marks as damaged is skipped.
     ///
     /// # Errors
     /// If the device fails: it was unplugged, or the driver gave up.
     fn capture(&mut self, patience: Duration, work: &mut dyn FnMut(&[u8])) -> Result<bool, String>;
 }
 
-/// Turns a buffer into a picture, in `spare`; what it knows of earlier ones is its own.
+/// Decodes a buffer into a picture, reusing the given memory. It may keep state between buffers.
 pub type Decode = Box<dyn FnMut(Format, &[u8], Vec<u8>) -> Result<Picture, String> + Send>;
 
 /// The frames of a device.
@@ -161,7 +161,7 @@ mod v4l2 {
     ];
     /// The size asked for if the user names none.
     const SIZE: (usize, usize) = (1280, 720);
-    /// How often a silent device is looked at.
+    /// How often a silent device is checked.
     const TICK: Duration = Duration::from_millis(2);
 
     /// A streaming V4L2 device.
@@ -199,7 +199,7 @@ mod v4l2 {
                 layout,
                 width: capture.format().width() as usize,
                 height: capture.format().height() as usize,
-                // Some drivers leave it at 0, which says nothing.
+                // Some drivers leave it at 0, which means unknown.
                 stride: Some(capture.format().bytes_per_line() as usize)
                     .filter(|stride| *stride > 0 && layout != Layout::Jpeg),
             };

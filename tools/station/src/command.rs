@@ -1,4 +1,4 @@
-//! What clients may ask for, and what becomes of it.
+//! Commands of clients, and their outcomes.
 
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
@@ -19,12 +19,12 @@ const MIN_SIDE: f32 = 2.0;
 /// Least share of the frame's width and height of a box that counts as the whole frame.
 const WHOLE: f32 = 0.95;
 
-/// What is to be followed.
+/// The place of a target to follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// What is inside this rectangle: left, top, right, bottom as shares of width and height.
+    /// A rectangle around it: left, top, right, bottom as shares (0 to 1) of width and height.
     Rectangle([f32; 4]),
-    /// What is at this point, in shares of width and height.
+    /// A point on it, in shares of width and height.
     Point {
         /// Share of the width.
         x: f32,
@@ -33,7 +33,7 @@ pub enum Target {
         /// Radius of the object as a share of the width, if it is known.
         radius: Option<f32>,
     },
-    /// What is inside this box of frame pixels.
+    /// A box around it, in pixels of the frame.
     Pixels(FrameBox),
 }
 
@@ -41,7 +41,7 @@ impl Target {
     /// The box in pixels of a frame of this size.
     ///
     /// # Errors
-    /// If the box is too small, the whole frame, or outside of the frame.
+    /// If the box is too small, or is the whole frame.
     pub fn in_frame(&self, (width, height): (usize, usize)) -> Result<FrameBox, String> {
         let (w, h) = (width as f32, height as f32);
         let bbox = match *self {
@@ -72,12 +72,12 @@ impl Target {
     }
 }
 
-/// What a client may ask for.
+/// A command of a client.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
-    /// Follow something.
+    /// Follow a target.
     Start {
-        /// What.
+        /// Where the target is.
         target: Target,
         /// The frame in which the client saw it; `None` for the newest.
         frame: Option<u64>,
@@ -133,7 +133,7 @@ impl Command {
         matches!(self, Command::Start { .. })
     }
 
-    /// Checks that its numbers make sense.
+    /// Checks its numbers.
     ///
     /// # Errors
     /// If a number is not finite or far outside of the frame, or the box is empty.
@@ -172,14 +172,14 @@ fn whole(value: &Value, field: &str) -> Option<Option<u64>> {
     }
 }
 
-/// What became of a command.
+/// The outcome of a command.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// It was carried out.
     Done,
     /// A target of this number is followed.
     Started(TargetId),
-    /// It cannot be carried out, for this reason; an earlier target is followed on.
+    /// It cannot be carried out, for this reason. An earlier target stays.
     Refused(String),
     /// The source delivers no frames.
     NoFrames,
@@ -219,7 +219,7 @@ impl Receipt {
         lock(&self.0.0).clone()
     }
 
-    /// Waits for the outcome; a command that nobody resolves has expired.
+    /// Waits for the outcome. A command that is not resolved in time has expired.
     pub fn wait(&self, patience: Duration) -> Outcome {
         let (outcome, known) = &*self.0;
         let waited = known.wait_timeout_while(lock(outcome), patience, |outcome| outcome.is_none());
@@ -241,7 +241,7 @@ pub struct Pending {
 }
 
 impl Pending {
-    /// A command that waits from now on, and its receipt.
+    /// A command that starts to wait now, and its receipt.
     pub(crate) fn new(command: Command, now: Instant) -> (Pending, Receipt) {
         let shared: Shared = Arc::default();
         let pending = Pending {
@@ -257,7 +257,7 @@ impl Pending {
         now >= self.until
     }
 
-    /// Tells the client what became of it.
+    /// Passes the outcome to the receipt.
     pub fn resolve(&self, outcome: Outcome) {
         *lock(&self.receipt.0) = Some(outcome);
         self.receipt.1.notify_all();

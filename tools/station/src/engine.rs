@@ -1,4 +1,4 @@
-//! The tracker, as far as a station needs to know one.
+//! The interface between a station and a tracker.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ pub trait Engine {
     /// Takes what is inside `target` as the target, and forgets any earlier one.
     ///
     /// # Errors
-    /// If the box is unusable; the reason is for people. The earlier target is kept.
+    /// If the box is unusable; the text says why. The earlier target is kept.
     fn start(&mut self, picture: &Picture, target: FrameBox) -> Result<Tracked, String>;
 
     /// Forgets the target.

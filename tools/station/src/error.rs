@@ -26,13 +26,13 @@ pub enum Error {
     Output {
         /// The option, file or stream.
         output: String,
-        /// What was expected, or what the system said.
+        /// What was expected, or the system's reason.
         reason: String,
     },
-    /// The first target is refused, and nobody could name another one.
+    /// The first target is refused, and no client can name another one.
     #[error("--init: {0}")]
     Refused(String),
-    /// The reader of standard output has gone, and nobody else listens.
+    /// The reader of standard output has gone, and there is no other output.
     #[error("standard output was closed")]
     ClosedPipe,
 }

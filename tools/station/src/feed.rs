@@ -1,5 +1,5 @@
-//! The feeding thread: it opens the source, fills the slot, and opens again what failed or fell
-//! silent.
+//! The feeding thread: it opens the source, fills the slot, and opens a source that failed or fell
+//! silent again.
 
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -13,7 +13,7 @@ use crate::slot::{Shot, Slot};
 
 /// Wait before a failed source is opened again: doubled from the first to the second value.
 const RETRY: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(4));
-/// How often a waiting thread looks whether it is to end.
+/// How often a waiting thread checks whether to end.
 const TICK: Duration = Duration::from_millis(50);
 
 /// An open source.
@@ -26,7 +26,7 @@ pub trait Frames {
     /// If the source fails; it is then closed.
     fn next(&mut self, spare: Vec<u8>) -> Result<Option<Picture>, String>;
 
-    /// What makes a blocked [`next`](Self::next) return, called from another thread.
+    /// A function that another thread calls to make a blocked [`next`](Self::next) return.
     fn stopper(&self) -> Option<Stopper> {
         None
     }
@@ -48,7 +48,7 @@ pub struct Feed {
     pub period: Option<Duration>,
 }
 
-/// The feeding thread as the tracking thread sees it.
+/// The tracking thread's handle to the feeding thread.
 pub struct Feeder {
     thread: JoinHandle<()>,
     stopper: Arc<Mutex<Option<Stopper>>>,
@@ -100,7 +100,7 @@ impl Feeder {
         if let Some(stop) = lock(&self.stopper).take() {
             stop();
         }
-        // A blocked driver must not hold up the end: the thread ends with the process.
+        // A blocked driver must not delay the end: its thread ends with the process.
         let until = Instant::now() + patience;
         while !self.thread.is_finished() && Instant::now() < until {
             std::thread::sleep(Duration::from_millis(10));
@@ -146,7 +146,8 @@ impl Filler {
         }
     }
 
-    /// Opens the source and hands its frames over until it ends, fails, or nobody wants them.
+    /// Opens the source and puts its frames into the slot until it ends, fails, or the slot is
+    /// closed.
     fn deliver(&mut self, open: &mut Open) -> Result<(), String> {
         let mut frames = open()?;
         *lock(&self.stopper) = frames.stopper();
@@ -164,7 +165,7 @@ impl Filler {
         }
     }
 
-    /// Hands a frame over; returns `false` if nobody wants frames any more.
+    /// Puts a frame into the slot; returns `false` if the slot is closed.
     fn put(&mut self, picture: Picture) -> bool {
         if let Some(pace) = self.pace.as_mut().filter(|_| !self.every) {
             pace.wait(&self.hub);
@@ -205,7 +206,7 @@ impl Filler {
     }
 }
 
-/// Frames at even times.
+/// Frames at a steady rate.
 struct Pace {
     period: Duration,
     next: Instant,
@@ -223,7 +224,7 @@ impl Pace {
         self.next = Instant::now();
     }
 
-    /// Waits for the next frame's time; a slow pace is no silence of the source.
+    /// Waits for the next frame's time. The source counts as alive meanwhile.
     fn wait(&mut self, hub: &Hub) {
         let now = Instant::now();
         while Instant::now() < self.next && !hub.is_stopping() {
@@ -231,7 +232,7 @@ impl Pace {
             std::thread::sleep(left.min(TICK));
             hub.tell(|pulse| pulse.progress(Instant::now()));
         }
-        // A late frame does not make the next ones hurry.
+        // A late frame delays the next ones too, which do not catch up.
         self.next = self.next.max(now) + self.period;
     }
 }

@@ -1,8 +1,8 @@
-//! The video with boxes burnt in, encoded by the user's own ffmpeg into a file or stream.
+//! The video with boxes burned in, encoded into a file or stream by the ffmpeg that the user has
+//! installed.
 //!
-//! A thread of its own draws and writes; a frame for which it is not ready is dropped and counted,
-//! unless every frame is wanted.
-//! ffmpeg reads its frames from our pipe, so it ends with us.
+//! A thread of its own draws and writes. A frame for which it is not ready is dropped and counted,
+//! unless every frame is wanted. ffmpeg reads the frames from a pipe, so it ends with this program.
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Read, Write};
@@ -26,41 +26,42 @@ use crate::say::{self, say};
 const MAX_WAITING: usize = 2;
 /// Wait before an encoder that failed is started again: doubled from the first to the second value.
 const RETRY: (Duration, Duration) = (Duration::from_secs(1), Duration::from_secs(16));
-/// How often a thread without frames looks whether it is to end.
+/// How often a thread without frames checks whether to end.
 const TICK: Duration = Duration::from_millis(50);
 /// How long an encoder may take to complete a file.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How long the last words may take to be said.
-const FAREWELL: Duration = Duration::from_millis(500);
+/// How long the last messages may take to be written.
+const FLUSH_TIMEOUT: Duration = Duration::from_millis(500);
 /// Files of one name.
 const MAX_FILES: usize = 10_000;
-/// Bytes of an encoder's complaints that are said at most.
-const MAX_WORDS: usize = 300;
+/// Most characters of an encoder's last error that are reported.
+const MAX_ERROR: usize = 300;
 
 /// Draws what is known of a frame into a copy of it.
 pub type Draw = fn(&Picture, &Report) -> RgbImage;
 
-/// How the video is to be written.
+/// Options of the video.
 #[derive(Clone, Debug)]
 pub struct FilmOptions {
     /// Where to.
     pub output: Output,
     /// Frames per second.
     pub rate: f64,
-    /// Whether every frame is written, at the rate and not when it comes: then adding one may wait.
+    /// Whether every frame is written, at the rate and not when it comes. Adding one may then
+    /// block.
     pub every: bool,
     /// ffmpeg's options for encoder and output; empty for H.264 without delay.
     pub args: Vec<String>,
-    /// What draws.
+    /// The function that draws the boxes.
     pub draw: Draw,
-    /// ffmpeg, without arguments.
+    /// Makes the command that runs ffmpeg, without arguments.
     pub ffmpeg: fn() -> Command,
 }
 
 /// Where the video goes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// A file; one that is there is kept, and the new one gets a number.
+    /// A file. An existing one is kept, and the new one gets a number.
     File(PathBuf),
     /// A stream.
     Stream {
@@ -96,8 +97,8 @@ impl Output {
         })
     }
 
-    /// Where ground stations find it, as MAVLink has it: the address of a server, or the port at
-    /// which they are to listen.
+    /// Where ground stations find the video, in MAVLink's terms: the address of a server, or the
+    /// port at which they must listen.
     pub fn announced(&self) -> Option<String> {
         let Output::Stream { url, format } = self else {
             return None;
@@ -137,10 +138,10 @@ struct Shared {
     failure: Mutex<Option<String>>, // the last one since a frame was written
 }
 
-/// A running ffmpeg, and the thread that reads its complaints and returns the last ones.
+/// A running ffmpeg, and the thread that reads its standard error and returns the end of it.
 struct Encoder {
     child: Child,
-    complaints: JoinHandle<Vec<u8>>,
+    errors: JoinHandle<Vec<u8>>,
 }
 
 /// A video that is being written.
@@ -154,7 +155,7 @@ pub struct Film {
 }
 
 impl Film {
-    /// Starts the thread; it gives pictures that are drawn to `recycle`.
+    /// Starts the thread. It passes each picture to `recycle` once it is drawn.
     ///
     /// # Errors
     /// If the file cannot be created.
@@ -200,7 +201,7 @@ impl Film {
         })
     }
 
-    /// Has a frame drawn and written; a picture for which there is no room is given back.
+    /// Queues a frame to be drawn and written. Returns the picture if there is no room for it.
     pub fn add(&mut self, picture: Picture, report: Report) -> Option<Picture> {
         let job = Job { picture, report };
         if self.every {
@@ -215,11 +216,11 @@ impl Film {
         }
     }
 
-    /// Ends the video; unless every frame is wanted, its encoder by force if it does not end by
-    /// itself.
+    /// Completes the video and ends its encoder. Unless every frame is wanted, an encoder that
+    /// takes too long is killed.
     ///
     /// # Errors
-    /// If the video lacks its last frames, or all of them.
+    /// If the last frames are not in the video, or none are.
     pub fn finish(self) -> Result<(), String> {
         self.shared.is_ending.store(!self.every, Ordering::Relaxed);
         drop(self.jobs);
@@ -236,12 +237,12 @@ impl Film {
             let _ = std::fs::remove_file(file); // it only kept the name
         }
         say!("video: {written} frames, {} dropped", self.dropped);
-        say::flush(FAREWELL); // the program may end now
+        say::flush(FLUSH_TIMEOUT); // the program may end now
         lock(&self.shared.failure).take().map_or(Ok(()), Err)
     }
 }
 
-/// What the thread owns.
+/// The thread that draws the frames and writes them to the encoder.
 struct Writer {
     options: FilmOptions,
     target: OsString,
@@ -250,7 +251,7 @@ struct Writer {
     size: Option<(usize, usize)>, // that of the first frame, which all others get
     retry: Instant,
     wait: Duration,
-    is_hopeless: bool, // a file is not begun again: that would destroy it
+    is_hopeless: bool, // a failed file: starting it again would overwrite it
 }
 
 impl Writer {
@@ -280,11 +281,12 @@ impl Writer {
             }
             (self.recycle)(job.picture);
         }
-        // The end of its input makes the encoder complete what it writes.
+        // The end of its input makes the encoder complete the video.
         drop(pipe);
-        self.wait_for_the_end();
+        self.wait_for_encoder();
     }
 
+    /// The frame as drawn, in the size of the first one.
     fn image(&self, job: &Job) -> RgbImage {
         let image = (self.options.draw)(&job.picture, &job.report);
         match self.size {
@@ -311,48 +313,56 @@ impl Writer {
         };
         let pipe = child.stdin.take();
         let errors = child.stderr.take();
-        let complaints = std::thread::spawn(move || errors.map(read_last).unwrap_or_default());
-        *lock(&self.shared.encoder) = Some(Encoder { child, complaints });
+        let errors = std::thread::spawn(move || errors.map(read_last).unwrap_or_default());
+        *lock(&self.shared.encoder) = Some(Encoder { child, errors });
         pipe
     }
 
-    fn command(&self, (width, height): (usize, usize)) -> Command {
-        let rate = self.options.rate.to_string();
+    /// ffmpeg, reading frames of this size from its standard input.
+    fn command(&self, size: (usize, usize)) -> Command {
         let mut command = (self.options.ffmpeg)();
         command.args(["-hide_banner", "-loglevel", "error", "-y"]);
+        self.add_input(&mut command, size);
+        self.add_encoder(&mut command);
+        self.add_output(&mut command);
+        // The standard output would only get ffmpeg's descriptions of RTP streams.
+        command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
+        command
+    }
+
+    fn add_input(&self, command: &mut Command, (width, height): (usize, usize)) {
         if !self.options.every {
-            // Live frames come when they come: the clock stamps them; the rate is kept behind it.
+            // Live frames are stamped when they come; ffmpeg then makes the rate constant.
             command.args(["-use_wallclock_as_timestamps", "1"]);
         } else if matches!(self.options.output, Output::Stream { .. }) {
             command.arg("-re"); // reads no faster than the rate, as a viewer wants it
         }
         command.args(["-f", "rawvideo", "-pix_fmt", "rgb24"]);
-        command.args([
-            "-s",
-            &format!("{width}x{height}"),
-            "-framerate",
-            &rate,
-            "-i",
-            "pipe:0",
-        ]);
+        command.args(["-s", &format!("{width}x{height}")]);
+        command.args(["-framerate", &self.options.rate.to_string()]);
+        command.args(["-i", "pipe:0"]);
+    }
+
+    fn add_encoder(&self, command: &mut Command) {
         // Most encoders want even sides.
-        command.args(["-an", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-r", &rate]);
+        command.args(["-an", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"]);
+        command.args(["-r", &self.options.rate.to_string()]);
         if self.options.args.is_empty() {
+            command.args(["-c:v", "libx264", "-preset", "ultrafast"]);
+            command.args(["-tune", "zerolatency", "-pix_fmt", "yuv420p"]);
             let key_frames = self.options.rate.ceil().to_string(); // one a second
-            command.args([
-                "-c:v",
-                "libx264",
-                "-preset",
-                "ultrafast",
-                "-tune",
-                "zerolatency",
-            ]);
-            command.args(["-pix_fmt", "yuv420p", "-g", &key_frames]);
+            command.args(["-g", &key_frames]);
         }
         command.args(&self.options.args);
+    }
+
+    fn add_output(&self, command: &mut Command) {
         match &self.options.output {
             Output::File(path) => {
-                // What was written before a crash or a lost battery can be played.
+                // A file that ends in a crash or with the battery can still be played.
                 let is_mp4 = path
                     .extension()
                     .is_some_and(|e| e.eq_ignore_ascii_case("mp4"));
@@ -368,22 +378,17 @@ impl Writer {
             }
         }
         command.arg(&self.target);
-        // On its standard output ffmpeg describes RTP streams.
-        command
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped());
-        command
     }
 
-    /// The encoder has closed its input.
+    /// Ends an encoder that has closed its input, and reports its last error, or else `error`.
     fn give_up(&mut self, error: &str) {
         let ended = lock(&self.shared.encoder).take();
-        let words = ended.map(last_words).unwrap_or_default();
-        let reason = if words.is_empty() { error } else { &words };
+        let last = ended.map(last_error).unwrap_or_default();
+        let reason = if last.is_empty() { error } else { &last };
         self.fail(&format!("ffmpeg has ended: {reason}"));
     }
 
+    /// Reports a failure and sets the time of the next attempt, if there may be one.
     fn fail(&mut self, reason: &str) {
         if self.shared.is_ending.load(Ordering::Relaxed) {
             return;
@@ -391,7 +396,7 @@ impl Writer {
         self.is_hopeless = matches!(self.options.output, Output::File(_));
         self.retry = Instant::now() + self.wait;
         let consequence = if self.is_hopeless {
-            "going on without it".into()
+            "tracking continues without it".into()
         } else {
             format!("trying again in {} s", self.wait.as_secs())
         };
@@ -400,8 +405,9 @@ impl Writer {
         *lock(&self.shared.failure) = Some(reason.into());
     }
 
-    fn wait_for_the_end(&mut self) {
-        // Not held while waiting, so that the encoder can be killed meanwhile.
+    /// Waits until the encoder ends, and reports a failure.
+    fn wait_for_encoder(&mut self) {
+        // The lock is free between two looks, so that `Film::finish` can kill the encoder.
         loop {
             let mut encoder = lock(&self.shared.encoder);
             match encoder.as_mut().map(|encoder| encoder.child.try_wait()) {
@@ -417,29 +423,29 @@ impl Writer {
     }
 }
 
-/// Reads to the end, so that the encoder never blocks on it, and keeps the last bytes.
+/// Reads to the end, so that the encoder never blocks on it, and returns the last bytes.
 fn read_last(mut errors: ChildStderr) -> Vec<u8> {
     let mut kept = Vec::new();
     let mut chunk = [0; 1024];
     while let Ok(count @ 1..) = errors.read(&mut chunk) {
         kept.extend_from_slice(&chunk[..count]);
-        let excess = kept.len().saturating_sub(2 * MAX_WORDS);
+        let excess = kept.len().saturating_sub(2 * MAX_ERROR);
         kept.drain(..excess);
     }
     kept
 }
 
-/// What an encoder that closed its input has complained about.
-fn last_words(mut encoder: Encoder) -> String {
-    let _ = encoder.child.kill(); // it may hang although it has closed its input
+/// The last line that an encoder wrote to its standard error. Ends the encoder.
+fn last_error(mut encoder: Encoder) -> String {
+    let _ = encoder.child.kill(); // it may hang after closing its input
     let _ = encoder.child.wait();
-    let words = encoder.complaints.join().unwrap_or_default();
-    let text = String::from_utf8_lossy(&words);
+    let errors = encoder.errors.join().unwrap_or_default();
+    let text = String::from_utf8_lossy(&errors);
     let last = text.lines().rev().find(|line| !line.trim().is_empty());
     let last = last.unwrap_or_default().trim();
     last.chars()
         .map(|c| if c.is_control() { ' ' } else { c })
-        .take(MAX_WORDS)
+        .take(MAX_ERROR)
         .collect()
 }
 
@@ -567,7 +573,7 @@ mod tests {
 
         assert_eq!(finished, Ok(()));
         assert_eq!(std::fs::read(&path).unwrap(), b"earlier");
-        assert!(is_taken, "its name is taken from the start on");
+        assert!(is_taken, "the file exists from the start");
         assert!(!folder.join("f-1.mkv").exists());
         std::fs::remove_dir_all(folder).unwrap();
     }

@@ -1,8 +1,8 @@
-//! Health of the source: one word that every output repeats.
+//! Health of the source, which every output gives as one word.
 
 use std::time::{Duration, Instant};
 
-/// What a source is doing.
+/// Health of a source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Health {
     /// It has not delivered a frame yet.
@@ -10,11 +10,11 @@ pub enum Health {
     Waiting,
     /// It delivers frames.
     Live,
-    /// It delivers frames, but for longer than the stall time-out all the same one.
+    /// It has delivered the same frame again and again for longer than the stall time-out.
     Frozen,
     /// It is open, but has delivered no frame for longer than the stall time-out.
     Stalled,
-    /// It has failed or was closed for its silence, and is opened again.
+    /// It has failed or was closed because it was silent, and is opened again.
     Reconnecting,
     /// It has delivered its last frame.
     Ended,
@@ -55,17 +55,17 @@ const MIN_EQUAL: u32 = 5;
 /// How long the opening of a source may take, beyond the stall time-out.
 pub const OPENING: Duration = Duration::from_secs(10);
 
-/// What the feeding thread has told about the source.
+/// What the feeding thread last reported about the source.
 #[derive(Clone, Debug)]
 pub struct Pulse {
     told: Health,
     /// When the last frame came.
     pub last_frame: Option<Instant>,
-    /// When the feeding thread last got anywhere: a frame, an attempt to open, a wait between two.
+    /// When the feeding thread last made progress: a frame, an attempt to open, a wait between two.
     progress: Instant,
     /// Why the source was opened again, the last time.
     pub reason: Option<String>,
-    /// Whether the source was closed for its silence.
+    /// Whether the source was closed because it was silent.
     silenced: bool,
     same: Same,
 }
@@ -102,7 +102,7 @@ impl Pulse {
         self.progress = now;
     }
 
-    /// The frame that has come looks like this, as `fingerprint` has it.
+    /// The frame that has come has this `fingerprint`.
     pub fn picture(&mut self, fingerprint: u64, now: Instant) {
         if self.same.count > 0 && self.same.fingerprint == fingerprint {
             self.same.count = self.same.count.saturating_add(1);
@@ -120,7 +120,7 @@ impl Pulse {
         self.progress = now;
     }
 
-    /// The source is closed for its silence, which explains whatever error follows.
+    /// The source is closed because it is silent, which explains any error that follows.
     pub fn silenced(&mut self, stall: Duration) {
         self.failed(format!("no frame for {:.1} s", stall.as_secs_f64()));
         self.silenced = true;
@@ -160,7 +160,7 @@ impl Pulse {
         self.same.count >= MIN_EQUAL && unchanged > stall
     }
 
-    /// Whether the source is to be closed for its silence: it stalls, or takes too long to open.
+    /// Whether to close the source because it is silent: it stalls, or takes too long to open.
     pub fn is_overdue(&self, now: Instant, stall: Duration) -> bool {
         let silent = now.saturating_duration_since(self.progress);
         match self.told {

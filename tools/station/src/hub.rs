@@ -14,10 +14,10 @@ use crate::ring::Ring;
 /// Most commands that wait; further ones are refused.
 const MAX_WAITING: usize = 32;
 
-/// Most of the time between two frames that is granted to a report beyond its largest age.
+/// Limit of the time between two frames, which extends how long a report stays fresh.
 const MAX_INTERVAL: Duration = Duration::from_secs(1);
 
-/// How old things may become.
+/// Limits on the age of reports and the silence of a source.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Age of a frame above which its report is stale.
@@ -43,7 +43,7 @@ struct Published {
     interval: Duration, // between the last two frames
 }
 
-/// The meeting point.
+/// The state shared by the tracking thread, the feeding thread and all clients.
 #[derive(Debug)]
 pub struct Hub {
     limits: Limits,
@@ -71,23 +71,23 @@ impl Hub {
         }
     }
 
-    /// Asks everything to end.
+    /// Asks all threads to end.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::SeqCst);
         self.changed.notify_all();
     }
 
-    /// Whether everything is to end.
+    /// Whether all threads are to end.
     pub fn is_stopping(&self) -> bool {
         self.stop.load(Ordering::SeqCst)
     }
 
-    /// How old things may become.
+    /// The limits on ages and silence.
     pub fn limits(&self) -> Limits {
         self.limits
     }
 
-    /// Lets the feeding thread tell about the source.
+    /// Updates or reads the pulse of the source.
     pub fn tell<T>(&self, tell: impl FnOnce(&mut Pulse) -> T) -> T {
         tell(&mut lock(&self.pulse))
     }
@@ -97,10 +97,10 @@ impl Hub {
         lock(&self.pulse).health(Instant::now(), self.limits.stall)
     }
 
-    /// Hands a command to the tracking thread.
+    /// Queues a command for the tracking thread.
     ///
-    /// The receipt is resolved at once if the command is unsound, if too many wait, or if it starts
-    /// tracking while the source delivers no frames.
+    /// The receipt is resolved at once if the command is invalid, if too many wait, or if it starts
+    /// a target while the source delivers no frames.
     pub fn command(&self, command: Command) -> Receipt {
         if let Err(reason) = command.check() {
             return Receipt::resolved(Outcome::Refused(reason));
@@ -117,9 +117,8 @@ impl Hub {
         receipt
     }
 
-    /// Takes the commands that can be carried out now, in their order; expired ones are resolved.
-    ///
-    /// Without a frame only those are taken that need none.
+    /// Takes the commands that can be carried out now, in their order: without a frame, those that
+    /// need none. Expired ones are resolved.
     pub fn take_commands(&self, with_frame: bool) -> VecDeque<Pending> {
         let now = Instant::now();
         let mut commands = lock(&self.commands);
@@ -155,13 +154,13 @@ impl Hub {
         self.changed.notify_all();
     }
 
-    /// The newest report as it stands now.
+    /// The newest report, with its age and freshness now.
     pub fn view(&self) -> View {
         let published = lock(&self.published).clone();
         self.look_at(published)
     }
 
-    /// The first report after number `seen`; the same again if none comes within `patience`.
+    /// The first report after number `seen`, or that one again if none comes within `patience`.
     pub fn view_after(&self, seen: u64, patience: Duration) -> View {
         let published = lock(&self.published);
         let waiting = |published: &mut Published| published.number == seen && !self.is_stopping();
@@ -195,12 +194,12 @@ impl Hub {
         }
     }
 
-    /// Works on the pictures kept for viewers.
+    /// Locks the pictures kept for viewers.
     pub fn pictures(&self) -> MutexGuard<'_, Ring> {
         lock(&self.pictures)
     }
 
-    /// How many watch the video.
+    /// The number of viewers of the video.
     pub fn viewers(&self) -> usize {
         self.viewers.load(Ordering::Relaxed)
     }
@@ -226,6 +225,7 @@ impl Drop for Viewer {
     }
 }
 
+/// Locks a mutex; data that a panicking thread left behind is used as it is.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

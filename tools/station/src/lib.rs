@@ -2,7 +2,7 @@
 //! people, programs and autopilots.
 //!
 //! A station knows no tracker. It drives an [`Engine`], and reads frames through an [`Open`]
-//! function, so both can be made up in a test:
+//! function, so a test can replace both:
 //!
 //! ```
 //! use std::time::Duration;
@@ -51,10 +51,10 @@
 //! |---|---|
 //! | `station.rs` | the tracking thread: start reading here |
 //! | `targets.rs` | the targets that are followed, each by an engine of its own |
-//! | `feed.rs`, `camera.rs` | the feeding thread; V4L2 behind a trait |
+//! | `feed.rs`, `camera.rs` | the feeding thread; V4L2 devices |
 //! | `health.rs` | health of the source, the stall time-out |
-//! | `slot.rs` | latest frame wins |
-//! | `hub.rs`, `command.rs`, `report.rs` | commands in, reports out, and how both age |
+//! | `slot.rs` | the latest frame, between the feeding and the tracking thread |
+//! | `hub.rs`, `command.rs`, `report.rs` | commands in, reports out, and their ages |
 //! | `commands/` | commands as JSON lines from other programs |
 //! | `ring.rs` | the pictures that viewers saw, for boxes drawn in them |
 //! | `lines.rs`, `log/`, `notify.rs`, `say.rs` | JSON lines, the flight log, systemd, standard error |
@@ -63,8 +63,8 @@
 //! | `pick.rs` | one picture on the web page, for a box drawn by hand |
 //! | `film.rs` | the video with boxes, encoded by ffmpeg |
 //!
-//! **Invariant:** no log, disk, link or viewer ends tracking or holds it up.
-//! **Invariant:** nothing moves by a report that is older than its time; see [`Freshness`].
+//! **Invariant:** no log, disk, link or viewer ends or delays tracking.
+//! **Invariant:** nothing moves by a report that is not fresh; see [`Freshness`].
 
 #![forbid(unsafe_code)]
 

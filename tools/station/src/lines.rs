@@ -1,6 +1,6 @@
 //! JSON lines on standard output and as datagrams.
 //!
-//! A thread of its own writes to standard output, so that a reader that does not read holds up no
+//! A thread of its own writes to standard output, so that a reader that does not read delays no
 //! frame.
 
 use std::io::{ErrorKind, Write};
@@ -38,7 +38,7 @@ struct Printer {
 impl Lines {
     /// Lines for standard output, if `print`, and for an address; none is lost if `every` counts.
     ///
-    /// With `answers`, lines that are handed to [`Self::printer`] go to standard output as well.
+    /// With `answers`, lines sent to [`Self::printer`] go to standard output as well.
     ///
     /// # Errors
     /// If the address is unusable.
@@ -65,7 +65,7 @@ impl Lines {
         for line in view.to_lines() {
             let line = line.to_string();
             if let Some(socket) = &self.socket {
-                let _ = socket.send(line.as_bytes()); // a missing listener is no fault of ours
+                let _ = socket.send(line.as_bytes()); // a missing listener is no failure
             }
             if let Some(printer) = self.printer.as_mut().filter(|_| self.prints_reports) {
                 printer.print(line)?;
@@ -74,7 +74,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Where further lines for standard output are handed in.
+    /// The queue of further lines for standard output.
     pub fn printer(&self) -> Option<SyncSender<String>> {
         self.printer.as_ref().map(|printer| printer.queue.clone())
     }

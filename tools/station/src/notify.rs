@@ -1,8 +1,8 @@
 //! Signs of life for systemd, after sd_notify(3).
 //!
-//! `READY=1` is sent with the first frame; until then the start is extended and `STATUS` says what
-//! is waited for. `WATCHDOG=1` is sent by the tracking thread every second, unless the source is
-//! stalled: systemd then restarts the program.
+//! `READY=1` is sent with the first frame. Until then the start-up time is extended, and `STATUS`
+//! says what the program waits for. `WATCHDOG=1` is sent by the tracking thread every second,
+//! unless the source is stalled: systemd then restarts the program.
 
 #[cfg(unix)]
 use std::os::unix::net::UnixDatagram;
@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::health::Health;
 
+/// Time between two signs of life.
 const PERIOD: Duration = Duration::from_secs(1);
 /// Asks for ten more seconds of start-up time, in microseconds.
 const EXTEND: &str = "EXTEND_TIMEOUT_USEC=10000000";
@@ -35,7 +36,7 @@ impl Notifier {
         }
     }
 
-    /// Tells what is due: readiness, the status if it has changed, and that the program lives.
+    /// Sends what is due: readiness, a changed status, and the sign of life.
     pub fn tell(&mut self, health: Health, reason: Option<&str>) {
         if health.delivers() && !self.is_ready {
             self.is_ready = true;
@@ -69,10 +70,11 @@ impl Notifier {
         self.say("STOPPING=1");
     }
 
+    /// Sends one message, or nothing without a socket.
     fn say(&self, text: &str) {
         #[cfg(unix)]
         if let Some(socket) = &self.socket {
-            let _ = socket.send(text.as_bytes()); // a deaf systemd must not stop the tracker
+            let _ = socket.send(text.as_bytes()); // a full queue must not stop the tracker
         }
         #[cfg(not(unix))]
         let _ = text;

@@ -1,4 +1,4 @@
-//! A box drawn by hand: one picture on a web page of this machine, until somebody draws its target.
+//! A box drawn by hand: one picture on a web page of this machine, until a box is drawn in it.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -11,15 +11,15 @@ use crate::picture::{FrameBox, Picture};
 use crate::report::Report;
 use crate::say::say;
 
-/// Time between two looks at what was drawn; the picture is as new as the last one.
+/// Time between two checks for a box; the picture is as new as the last check.
 const TICK: Duration = Duration::from_millis(100);
 /// How long the page may take to show the end.
-const FAREWELL: Duration = Duration::from_millis(200);
+const LINGER: Duration = Duration::from_millis(200);
 
 /// Shows a picture until a box is drawn in it that `accept` does not refuse, and returns that box.
 ///
-/// The page is reached from this machine alone, at an address with a token, which is said on
-/// standard error and given to `show`.
+/// Only this machine can reach the page, at an address with a token, which is written to standard
+/// error and given to `show`.
 ///
 /// # Errors
 /// If the page cannot be served.
@@ -69,7 +69,7 @@ pub fn pick(
     };
     hub.tell(|pulse| pulse.ended());
     publish();
-    std::thread::sleep(FAREWELL);
+    std::thread::sleep(LINGER);
     hub.stop();
     Ok(drawn)
 }

@@ -1,4 +1,4 @@
-//! Pictures and boxes, as every part of the station knows them.
+//! Pictures and boxes.
 
 use image::{RgbImage, imageops};
 

@@ -1,4 +1,4 @@
-//! What is told about one frame, and how.
+//! Reports: what is known about one frame, and how it is written as JSON.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,6 +24,15 @@ pub enum State {
 }
 
 impl State {
+    /// All of them.
+    pub const ALL: [State; 5] = [
+        State::Tracking,
+        State::LowConfidence,
+        State::Coasting,
+        State::Lost,
+        State::Reacquired,
+    ];
+
     /// The word for logs and protocols.
     pub fn name(self) -> &'static str {
         match self {
@@ -71,7 +80,7 @@ pub struct Followed {
 pub struct Tracked {
     /// Its box.
     pub bbox: FrameBox,
-    /// Probability that the box is on the target; `None` where the tracker does not tell.
+    /// Probability that the box is on the target; `None` if the tracker does not estimate it.
     pub presence: Option<f32>,
     /// Raw score.
     pub score: f32,
@@ -132,7 +141,7 @@ impl Report {
         self.targets.first()
     }
 
-    /// Whether targets are told by their numbers: a single one needs none.
+    /// Whether outputs give the numbers of targets: a single target needs none.
     pub fn tells_ids(&self) -> bool {
         self.room > 1
     }
@@ -144,7 +153,7 @@ impl Report {
     }
 }
 
-/// How far a report may still be acted upon.
+/// Whether a report may still be acted upon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freshness {
     /// The report says where the target is.
@@ -155,7 +164,7 @@ pub enum Freshness {
     Dead,
 }
 
-/// The newest report as it stands at one moment.
+/// The newest report, with its age and freshness at one moment.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Number of the report; 0 before the first.
@@ -164,7 +173,7 @@ pub struct View {
     pub report: Arc<Report>,
     /// Time since its frame was delivered; `None` before the first frame.
     pub age: Option<Duration>,
-    /// How far it may be acted upon.
+    /// Whether it may be acted upon.
     pub freshness: Freshness,
     /// Health of the source.
     pub health: Health,
@@ -187,7 +196,7 @@ impl View {
         self.targets().first()
     }
 
-    /// Frames per second, as measured between the last two.
+    /// Frames per second, from the time between the last two; 30 before there are two.
     pub fn frame_rate(&self) -> f32 {
         if self.interval.is_zero() {
             30.0
@@ -266,7 +275,7 @@ impl View {
         value
     }
 
-    /// What is told of a target.
+    /// The fields of one target.
     fn fields(&self, target: &Followed) -> Map<String, Value> {
         let mut fields = Map::new();
         let mut tell = |name: &str, value: Value| fields.insert(name.into(), value);

@@ -13,7 +13,7 @@ const MAX_BYTES: usize = 48 << 20;
 const MAX_FROZEN: usize = 4;
 /// How long a frozen picture is kept.
 const FROZEN_FOR: Duration = Duration::from_secs(60);
-/// How long the recent pictures are kept once nobody watches.
+/// How long recent pictures are kept without viewers.
 const UNWATCHED: Duration = Duration::from_secs(5);
 /// Time between two pictures kept.
 const PERIOD: Duration = Duration::from_millis(60);
@@ -68,7 +68,7 @@ impl Ring {
         Some((frame, picture))
     }
 
-    /// Gives memory back while nobody watches: recent pictures soon, frozen ones when they expire.
+    /// Frees memory without viewers: recent pictures soon, frozen ones when they expire.
     pub fn release(&mut self) {
         let now = Instant::now();
         if self.next.is_some_and(|next| now >= next + UNWATCHED) {
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_that_nobody_watches_are_released_after_a_while() {
+    fn pictures_without_viewers_are_released_after_a_while() {
         let mut ring = Ring::default();
         ring.add(1, &picture(1));
         ring.freeze();

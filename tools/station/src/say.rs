@@ -1,14 +1,14 @@
-//! Words for people, on standard error.
+//! Messages for people, on standard error.
 //!
-//! A thread of its own writes them: a journal that has gone or does not read must neither end nor
-//! hold up the tracker. Words that find no room are lost.
+//! A thread of its own writes them, so that a closed or blocked standard error neither ends nor
+//! delays the tracker. A message for which the queue has no room is lost.
 
 use std::io::Write;
 use std::sync::OnceLock;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Duration;
 
-/// Lines that may wait to be written.
+/// Messages that may wait to be written.
 const MAX_WAITING: usize = 64;
 
 enum Item {
@@ -37,12 +37,12 @@ fn queue() -> &'static SyncSender<Item> {
     })
 }
 
-/// Says a line.
+/// Queues a message.
 pub(crate) fn line(line: String) {
     let _ = queue().try_send(Item::Line(line));
 }
 
-/// Waits until everything is said, for at most `patience`.
+/// Waits until all queued messages are written, for at most `patience`.
 pub(crate) fn flush(patience: Duration) {
     let (done, said) = sync_channel(1);
     if queue().try_send(Item::Flush(done)).is_ok() {
@@ -50,7 +50,7 @@ pub(crate) fn flush(patience: Duration) {
     }
 }
 
-/// Says a line; takes what `format!` takes.
+/// Writes a message to standard error; takes the arguments of `format!`.
 macro_rules! say {
     ($($words:tt)*) => {
         $crate::say::line(format!($($words)*))

@@ -1,27 +1,30 @@
-//! Latest frame wins: a slot for one frame, in which a newer one replaces an older one.
+//! A slot for the latest frame: a newer frame replaces one that was not taken.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::picture::Picture;
 
+/// Most buffers kept for reuse: one being filled, one in the slot, one being tracked.
+const MAX_SPARE: usize = 3;
+
 /// A frame with its index and time.
 #[derive(Debug)]
 pub struct Shot {
     /// The picture.
     pub picture: Picture,
-    /// Its index in the source; it goes on counting when the source is opened again.
+    /// Its index, which keeps counting when the source is opened again.
     pub index: u64,
     /// When the source delivered it.
     pub taken: Instant,
 }
 
-/// What the reader finds.
+/// What [`Slot::take`] returns.
 #[derive(Debug)]
 pub enum Next {
     /// The newest frame.
     Shot(Shot),
-    /// None within the time.
+    /// No frame came within the time.
     Nothing,
     /// The source has ended, with the reason if it failed.
     Ended(Option<String>),
@@ -36,7 +39,7 @@ struct Content {
     closed: bool,
 }
 
-/// The slot.
+/// A slot between the feeding and the tracking thread.
 #[derive(Debug, Default)]
 pub struct Slot {
     content: Mutex<Content>,
@@ -93,7 +96,7 @@ impl Slot {
         self.changed.notify_all();
     }
 
-    /// Tells the source that nobody will take a frame any more.
+    /// Tells the source that no more frames are taken.
     pub fn close(&self) {
         self.lock().closed = true;
         self.changed.notify_all();
@@ -124,8 +127,9 @@ impl Slot {
     }
 }
 
+/// Keeps a buffer for reuse, or drops it if there are enough.
 fn keep(spare: &mut Vec<Picture>, picture: Picture) {
-    if spare.len() < 3 {
+    if spare.len() < MAX_SPARE {
         spare.push(picture);
     }
 }

@@ -1,4 +1,5 @@
-//! The tracking thread: takes the newest frame, carries out commands, tracks, and tells everybody.
+//! The tracking thread: takes the newest frame, carries out commands, tracks, and publishes
+//! reports.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -25,14 +26,14 @@ use crate::say::{self, say};
 use crate::slot::{Next, Shot, Slot};
 use crate::targets::Targets;
 
-/// How long the tracking thread waits for a frame before it looks at anything else.
+/// How long the tracking thread waits for a frame before it looks at commands and the source.
 const PATIENCE: Duration = Duration::from_millis(50);
 /// How long the other threads may take to end.
-const FAREWELL: Duration = Duration::from_millis(1500);
+const END_TIMEOUT: Duration = Duration::from_millis(1500);
 /// Time between two JSON lines while the source delivers no frames.
 const REMINDER: Duration = Duration::from_secs(1);
 
-/// How a station is to run.
+/// Options of a station.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Track every frame however long that takes, rather than the newest one.
@@ -41,7 +42,7 @@ pub struct Options {
     pub deadline: Duration,
     /// Time from frame to frame where every frame is tracked: such frames have no live time.
     pub period: Duration,
-    /// How old frames and silence may become.
+    /// Limits on the age of frames and the silence of the source.
     pub limits: Limits,
     /// The targets in the first frame.
     pub init: Vec<FrameBox>,
@@ -57,7 +58,7 @@ pub struct Options {
     pub mavlink: MavlinkOptions,
     /// The web page.
     pub http: HttpOptions,
-    /// The video with boxes burnt in.
+    /// The video with boxes burned in.
     pub film: Option<FilmOptions>,
     /// Where commands come from as JSON lines.
     pub commands: Vec<Place>,
@@ -96,24 +97,25 @@ impl Station {
         Station { options, hub }
     }
 
-    /// What ends a running station from another thread, such as a signal's.
+    /// A function that ends the running station from another thread, such as a signal handler's.
     pub fn stopper(&self) -> impl Fn() + Send + Sync + 'static {
         let hub = Arc::clone(&self.hub);
         move || hub.stop()
     }
 
-    /// Runs until the source ends or somebody stops it, and follows as many targets at a time as
-    /// there are engines.
+    /// Runs until the source ends or the station is stopped, and follows as many targets at a time
+    /// as there are engines.
     ///
     /// # Errors
     /// If an option is unusable, or a source that is not opened again fails.
     pub fn run(self, engines: Vec<Box<dyn Engine + '_>>, feed: Feed) -> Result<(), Error> {
-        let ran = self.run_unsaid(Targets::new(engines), feed);
-        say::flush(FAREWELL);
+        let ran = self.run_threads(Targets::new(engines), feed);
+        say::flush(END_TIMEOUT);
         ran
     }
 
-    fn run_unsaid(self, targets: Targets<'_>, feed: Feed) -> Result<(), Error> {
+    /// Starts the outputs and the feeder, tracks on this thread, and ends all threads again.
+    fn run_threads(self, targets: Targets<'_>, feed: Feed) -> Result<(), Error> {
         let Station { options, hub } = self;
         let began = Instant::now();
         let log = options
@@ -129,7 +131,7 @@ impl Station {
         )?;
         let mut threads = mavlink::start(&options.mavlink, &hub)?;
         if targets.room() > 1 && !options.mavlink.links.is_empty() {
-            say!("mavlink: tells of, and steers by, the target of the lowest number");
+            say!("mavlink: reports, and steers by, the target of the lowest number");
         }
         if let Some(page) = http::start(&options.http, &hub)? {
             threads.extend(page.threads);
@@ -174,15 +176,15 @@ impl Station {
 
         hub.stop();
         slot.close();
-        feeder.end(FAREWELL);
+        feeder.end(END_TIMEOUT);
         if let Some(log) = log {
             log.finish();
         }
         lines.finish();
         if let Some(film) = film {
-            let _ = film.finish(); // said already
+            let _ = film.finish(); // a failure is already reported
         }
-        let until = Instant::now() + FAREWELL;
+        let until = Instant::now() + END_TIMEOUT;
         while threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < until {
             std::thread::sleep(Duration::from_millis(10));
         }
@@ -194,7 +196,7 @@ impl Station {
     }
 }
 
-/// What the tracking thread owns.
+/// The state of the tracking thread.
 struct Tracking<'a> {
     options: &'a Options,
     began: Instant,
@@ -239,7 +241,7 @@ impl Tracking<'_> {
         Ok(())
     }
 
-    /// Tells everybody that needs telling how the source is.
+    /// Reports the health of the source to systemd, the log and the readers of JSON lines.
     fn watch_source(&mut self) -> Result<(), Error> {
         let health = self.hub.health();
         let reason = self.hub.tell(|pulse| pulse.reason.clone());
@@ -269,32 +271,21 @@ impl Tracking<'_> {
         Ok(())
     }
 
+    /// Carries out the commands that wait, follows the targets in a frame, and reports them.
     fn frame(&mut self, shot: Shot) -> Result<(), Error> {
         let started = Instant::now();
         let commands = self.hub.take_commands(true);
         let mut asked = Vec::new();
         let before = self.before.replace(shot.taken);
         if before.is_none() {
-            for &bbox in &self.options.init {
-                match self.targets.start(None, &shot.picture, bbox, true) {
-                    Ok(id) => asked.push(Asked::Start { bbox, at: None, id }),
-                    Err(reason) if !self.has_clients() => return Err(Error::Refused(reason)),
-                    Err(reason) => say!("start refused: {reason}"),
-                }
-            }
+            self.start_initial_targets(&shot, &mut asked)?;
         }
         for pending in commands {
             self.obey(&pending, &shot, &mut asked);
         }
         let every = self.options.every_frame;
         let elapsed = self.elapsed(before, shot.taken);
-        let budget = if every {
-            self.options.deadline
-        } else {
-            // What the frame's age has used of the deadline is gone.
-            let age = shot.taken.elapsed();
-            self.options.deadline.saturating_sub(age)
-        };
+        let budget = self.budget(shot.taken);
         let targets = self.targets.follow(&shot.picture, elapsed, budget);
         let age = shot.taken.elapsed();
         let report = Report {
@@ -316,19 +307,7 @@ impl Tracking<'_> {
             log.add(&asked, &report, &shot.picture);
         }
         let filmed = self.film.is_some().then(|| report.clone());
-        if age > self.options.limits.max_age && !every {
-            if self.late == 0 {
-                let (age, max) = (age.as_millis(), self.options.limits.max_age.as_millis());
-                say!("a result was {age} ms old, above --max-age-ms {max}; such ones are withheld");
-            }
-            self.late += 1;
-        } else {
-            for _ in &report.targets {
-                self.ages.add(age);
-            }
-            self.hub.publish(report, &shot.picture);
-            self.write_line()?;
-        }
+        self.publish(report, &shot, age)?;
         let left = match (&mut self.film, filmed) {
             (Some(film), Some(report)) => film.add(shot.picture, report),
             _ => Some(shot.picture),
@@ -337,6 +316,46 @@ impl Tracking<'_> {
             self.slot.recycle(picture);
         }
         Ok(())
+    }
+
+    /// Starts the targets that the options name. A refusal is an error unless a client can start
+    /// one.
+    fn start_initial_targets(&mut self, shot: &Shot, asked: &mut Vec<Asked>) -> Result<(), Error> {
+        for &bbox in &self.options.init {
+            match self.targets.start(None, &shot.picture, bbox, true) {
+                Ok(id) => asked.push(Asked::Start { bbox, at: None, id }),
+                Err(reason) if !self.has_clients() => return Err(Error::Refused(reason)),
+                Err(reason) => say!("start refused: {reason}"),
+            }
+        }
+        Ok(())
+    }
+
+    /// What a frame's age has left of the deadline, or all of it where every frame is tracked.
+    fn budget(&self, taken: Instant) -> Duration {
+        let deadline = self.options.deadline;
+        if self.options.every_frame {
+            deadline
+        } else {
+            deadline.saturating_sub(taken.elapsed())
+        }
+    }
+
+    /// Publishes a report, unless its frame is too old.
+    fn publish(&mut self, report: Report, shot: &Shot, age: Duration) -> Result<(), Error> {
+        if age > self.options.limits.max_age && !self.options.every_frame {
+            if self.late == 0 {
+                let (age, max) = (age.as_millis(), self.options.limits.max_age.as_millis());
+                say!("a result was {age} ms old, above --max-age-ms {max}; such ones are withheld");
+            }
+            self.late += 1;
+            return Ok(());
+        }
+        for _ in &report.targets {
+            self.ages.add(age);
+        }
+        self.hub.publish(report, &shot.picture);
+        self.write_line()
     }
 
     /// Time from the frame `before` to one `taken` now, in whole microseconds as the log holds it.
@@ -348,7 +367,7 @@ impl Tracking<'_> {
         Duration::from_micros(u64::try_from(elapsed.as_micros()).unwrap_or(u64::MAX))
     }
 
-    /// Carries out a command on a frame and tells its client.
+    /// Carries out a command on a frame and resolves its receipt.
     fn obey(&mut self, pending: &Pending, shot: &Shot, asked: &mut Vec<Asked>) {
         let outcome = match pending.command {
             Command::Stop { id } => {
@@ -399,7 +418,8 @@ impl Tracking<'_> {
         Ok((id, Asked::Start { bbox, at, id }))
     }
 
-    /// Writes the newest report; a missing reader ends the program only if nobody else listens.
+    /// Writes the newest report. If its reader has gone, the program ends unless it has other
+    /// outputs.
     fn write_line(&mut self) -> Result<(), Error> {
         match self.lines.write(&self.hub.view()) {
             Err(Error::ClosedPipe) if self.has_other_outputs() => {
@@ -415,7 +435,7 @@ impl Tracking<'_> {
         self.options.udp.is_some() || self.options.log.is_some() || self.has_clients()
     }
 
-    /// Whether somebody may start a target.
+    /// Whether a client may start a target.
     fn has_clients(&self) -> bool {
         let options = self.options;
         options.http.address.is_some()

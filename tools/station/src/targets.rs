@@ -1,7 +1,7 @@
-//! Which targets are followed: each has a number, from 1 on, and an engine of its own.
+//! The targets that are followed: each has a number, from 1 on, and an engine of its own.
 //!
 //! The targets of a frame are followed one after another, by rising number, each on all threads of
-//! its engine: timing changes no report.
+//! its engine, so timing changes no report.
 
 use std::time::{Duration, Instant};
 

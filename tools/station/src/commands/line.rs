@@ -1,4 +1,4 @@
-//! Lines of bounded length out of a stream of bytes.
+//! Splitting a stream of bytes into lines of bounded length.
 
 use super::MAX_LINE;
 
@@ -11,22 +11,23 @@ pub enum Line {
     TooLong,
 }
 
-/// The line that has not ended yet.
+/// Splits a stream into lines, and keeps the part of a line that has not ended yet.
 #[derive(Debug, Default)]
-pub struct Lines {
-    begun: Vec<u8>,
+pub struct LineSplitter {
+    partial: Vec<u8>,
     is_too_long: bool,
 }
 
-impl Lines {
-    /// Takes bytes and returns the lines that end in them; blank ones are left out.
+impl LineSplitter {
+    /// Takes bytes of the stream and returns the lines that end in them, except blank ones.
     pub fn add(&mut self, bytes: &[u8]) -> Vec<Line> {
         let mut found = Vec::new();
         for part in bytes.split_inclusive(|byte| *byte == b'\n') {
             let text = part.strip_suffix(b"\n").unwrap_or(part);
-            let room = MAX_LINE - self.begun.len();
+            let room = MAX_LINE - self.partial.len();
             self.is_too_long |= text.len() > room;
-            self.begun.extend_from_slice(&text[..text.len().min(room)]);
+            self.partial
+                .extend_from_slice(&text[..text.len().min(room)]);
             if text.len() < part.len() {
                 found.extend(self.rest());
             }
@@ -36,7 +37,7 @@ impl Lines {
 
     /// The last line of a stream that has ended, if it is not blank.
     pub fn rest(&mut self) -> Option<Line> {
-        let line = std::mem::take(&mut self.begun);
+        let line = std::mem::take(&mut self.partial);
         if std::mem::take(&mut self.is_too_long) {
             return Some(Line::TooLong);
         }
@@ -50,8 +51,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_put_together_from_parts() {
-        let mut lines = Lines::default();
+    fn lines_are_assembled_from_parts() {
+        let mut lines = LineSplitter::default();
 
         assert_eq!(lines.add(b"{\"a\""), []);
         let ended = lines.add(b": 1}\r\n\n{}\n{");
@@ -65,10 +66,10 @@ mod tests {
 
     #[test]
     fn endless_line_is_bounded_and_the_next_one_is_whole() {
-        let mut lines = Lines::default();
+        let mut lines = LineSplitter::default();
         for _ in 0..50 {
             assert_eq!(lines.add(&[b'a'; 1000]), []);
-            assert!(lines.begun.len() <= MAX_LINE);
+            assert!(lines.partial.len() <= MAX_LINE);
         }
 
         let ended = lines.add(b"\n{}\n");

@@ -1,9 +1,9 @@
-//! Commands from other programs, such as a detector that hands a target over: JSON lines over UDP,
+//! Commands from other programs, such as a detector that names a target: JSON lines over UDP,
 //! a Unix socket or standard input, answered by JSON lines.
 //!
 //! | line | answer |
 //! |---|---|
-//! | `{"command": "start", "box": [left, top, width, height]}` in pixels, `"rectangle": [left, top, right, bottom]` or `"point": [x, y]` in shares of the frame; `"frame"` may number the frame in which they were seen | `{"done": true}` once the target is followed |
+//! | `{"command": "start", "box": [left, top, width, height]}` in pixels, `"rectangle": [left, top, right, bottom]` or `"point": [x, y]` in shares of the frame (0 to 1); `"frame"` may number the frame in which they were seen | `{"done": true}` once the target is followed |
 //! | `{"command": "stop"}` | `{"done": true}` once nothing is followed |
 //! | either with `"target"`, the number of a target | the start replaces that target; the stop leaves the others |
 //! | `{"command": "state"}` | `{"done": true, "report": {...}}`, the newest report |
@@ -15,11 +15,11 @@
 //! | file | what happens there |
 //! |---|---|
 //! | `mod.rs` | where commands come from |
-//! | `desk.rs` | a line and its answer |
-//! | `line.rs` | lines of bounded length out of a stream |
+//! | `requests.rs` | requests and their answers |
+//! | `line.rs` | splitting a stream into lines of bounded length |
 
-mod desk;
 mod line;
+mod requests;
 
 use std::io::{ErrorKind, Read};
 use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
@@ -33,17 +33,17 @@ use std::time::Duration;
 use crate::error::Error;
 use crate::hub::Hub;
 use crate::say::say;
-use desk::Desk;
-pub use desk::Request;
-use line::{Line, Lines};
+use line::{Line, LineSplitter};
+pub use requests::Request;
+use requests::Requests;
 
 /// Longest line in bytes.
 const MAX_LINE: usize = 4096;
 /// Lines of standard input that may wait.
 const MAX_WAITING: usize = 32;
-/// How long a read waits while no answer is owed.
+/// How long a read waits if every request is answered.
 const IDLE: Duration = Duration::from_millis(100);
-/// How long a read waits while an answer is owed.
+/// How long a read waits if an answer may become ready meanwhile.
 const BUSY: Duration = Duration::from_millis(5);
 
 /// Where commands come from.
@@ -123,7 +123,7 @@ pub fn start(
     Ok(threads)
 }
 
-/// A socket that only this machine reaches: a datagram carries no token.
+/// A socket that only this machine can reach, since a datagram carries no token.
 fn bind(address: &str) -> Result<UdpSocket, String> {
     let found: Vec<SocketAddr> = address
         .to_socket_addrs()
@@ -136,28 +136,28 @@ fn bind(address: &str) -> Result<UdpSocket, String> {
 }
 
 /// How long the next read may wait.
-fn patience<P>(desk: &Desk<P>) -> Duration {
-    if desk.owes_answers() { BUSY } else { IDLE }
+fn patience<P>(requests: &Requests<P>) -> Duration {
+    if requests.is_waiting() { BUSY } else { IDLE }
 }
 
 fn serve_datagrams(hub: &Hub, socket: &UdpSocket) {
-    let mut desk = Desk::default();
+    let mut requests = Requests::default();
     let mut datagram = [0; MAX_LINE + 1];
     while !hub.is_stopping() {
-        let _ = socket.set_read_timeout(Some(patience(&desk)));
+        let _ = socket.set_read_timeout(Some(patience(&requests)));
         match socket.recv_from(&mut datagram) {
             Ok((count, from)) if count > MAX_LINE => {
-                let _ = socket.send_to(desk::too_long().as_bytes(), from);
+                let _ = socket.send_to(requests::too_long().as_bytes(), from);
             }
-            Ok((count, from)) => desk.take(hub, &datagram[..count], from),
+            Ok((count, from)) => requests.take(hub, &datagram[..count], from),
             Err(error) => {
-                // Besides a time-out, this may be an earlier answer that nobody took.
+                // Other than a time-out, this may report an earlier answer that nobody received.
                 if !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) {
                     std::thread::sleep(BUSY);
                 }
             }
         }
-        for (to, answer) in desk.answers(hub) {
+        for (to, answer) in requests.answers(hub) {
             let _ = socket.send_to(answer.as_bytes(), to); // the peer may have gone
         }
     }
@@ -165,17 +165,19 @@ fn serve_datagrams(hub: &Hub, socket: &UdpSocket) {
 
 fn serve_input(hub: &Hub, print: Option<&SyncSender<String>>) {
     let lines = read_input();
-    let mut desk = Desk::default();
+    let mut requests = Requests::default();
     while !hub.is_stopping() {
-        match lines.recv_timeout(patience(&desk)) {
-            Ok(Line::Whole(line)) => desk.take(hub, &line, ()),
-            Ok(Line::TooLong) => print_answer(print, desk::too_long()),
+        match lines.recv_timeout(patience(&requests)) {
+            Ok(Line::Whole(line)) => requests.take(hub, &line, ()),
+            Ok(Line::TooLong) => print_answer(print, requests::too_long()),
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) if desk.owes_answers() => std::thread::sleep(BUSY),
-            // The program goes on: a detector may have done its part.
+            Err(RecvTimeoutError::Disconnected) if requests.is_waiting() => {
+                std::thread::sleep(BUSY)
+            }
+            // The program continues: a detector may end once the target is followed.
             Err(RecvTimeoutError::Disconnected) => return,
         }
-        for ((), answer) in desk.answers(hub) {
+        for ((), answer) in requests.answers(hub) {
             print_answer(print, answer);
         }
     }
@@ -183,7 +185,7 @@ fn serve_input(hub: &Hub, print: Option<&SyncSender<String>>) {
 
 fn print_answer(print: Option<&SyncSender<String>>, answer: String) {
     if let Some(print) = print {
-        let _ = print.try_send(answer); // a reader that does not read must not hold us up
+        let _ = print.try_send(answer); // a reader that does not read must not delay this thread
     }
 }
 
@@ -192,7 +194,7 @@ fn read_input() -> Receiver<Line> {
     let (queue, received) = sync_channel(MAX_WAITING);
     std::thread::spawn(move || {
         let mut input = std::io::stdin().lock();
-        let mut lines = Lines::default();
+        let mut lines = LineSplitter::default();
         let mut chunk = [0; 1024];
         loop {
             let count = match input.read(&mut chunk) {
@@ -232,8 +234,8 @@ mod unix {
     use std::thread::JoinHandle;
     use std::time::Duration;
 
-    use super::desk::{self, Desk};
-    use super::line::{Line, Lines};
+    use super::line::{Line, LineSplitter};
+    use super::requests::{self, Requests};
     use super::{BUSY, patience};
     use crate::hub::Hub;
 
@@ -297,13 +299,13 @@ mod unix {
     fn serve(stream: &mut UnixStream, hub: &Hub) -> std::io::Result<()> {
         stream.set_nonblocking(false)?;
         stream.set_write_timeout(Some(WRITE))?;
-        let mut desk = Desk::default();
-        let mut lines = Lines::default();
+        let mut requests = Requests::default();
+        let mut lines = LineSplitter::default();
         let mut chunk = [0; 1024];
         let mut is_open = true;
-        while !hub.is_stopping() && (is_open || desk.owes_answers()) {
+        while !hub.is_stopping() && (is_open || requests.is_waiting()) {
             if is_open {
-                stream.set_read_timeout(Some(patience(&desk)))?;
+                stream.set_read_timeout(Some(patience(&requests)))?;
                 let found = match stream.read(&mut chunk) {
                     Ok(0) => {
                         is_open = false; // its answers may still be read
@@ -319,14 +321,14 @@ mod unix {
                 };
                 for line in found {
                     match line {
-                        Line::Whole(line) => desk.take(hub, &line, ()),
-                        Line::TooLong => writeln!(stream, "{}", desk::too_long())?,
+                        Line::Whole(line) => requests.take(hub, &line, ()),
+                        Line::TooLong => writeln!(stream, "{}", requests::too_long())?,
                     }
                 }
             } else {
                 std::thread::sleep(BUSY);
             }
-            for ((), answer) in desk.answers(hub) {
+            for ((), answer) in requests.answers(hub) {
                 writeln!(stream, "{answer}")?;
             }
         }

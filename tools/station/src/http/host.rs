@@ -1,4 +1,4 @@
-//! Which names this server has.
+//! The host names of this server.
 //!
 //! A page of another site can have its own name looked up as this machine's address and then read
 //! everything here (DNS rebinding). Its requests name the other site as `Host`, and are refused.

@@ -5,18 +5,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::health::Health;
-use crate::report::{TargetId, View};
+use crate::report::{State, TargetId, View};
 
-/// Every word for the state of the target.
-const STATES: [&str; 7] = [
-    "idle",
-    "tracking",
-    "low_confidence",
-    "coasting",
-    "lost",
-    "reacquired",
-    "stale",
-];
 /// Most temperature sensors that are read.
 const MAX_SENSORS: usize = 32;
 
@@ -95,7 +85,7 @@ pub fn text(view: &View) -> String {
     );
     let temperatures = temperatures(Path::new("/sys/class/thermal"));
     if !temperatures.is_empty() {
-        let help = "Temperatures that the system tells.";
+        let help = "Temperatures that the system reports.";
         metric(
             &mut text,
             "temperature_celsius",
@@ -107,7 +97,7 @@ pub fn text(view: &View) -> String {
     text
 }
 
-/// What is known of every target; where there are several, each has its label.
+/// The metrics of every target, labeled by its number if several can be followed.
 fn targets(text: &mut String, view: &View) {
     let tells_ids = view.report.tells_ids();
     let label = |id: TargetId| {
@@ -124,10 +114,14 @@ fn targets(text: &mut String, view: &View) {
         scores.push((labels.clone(), f64::from(target.track.score)));
         presences.extend(target.track.presence.map(|p| (labels, f64::from(p))));
     }
+    // Every word that `View::state_of` can give.
+    let mut names = vec!["idle"];
+    names.extend(State::ALL.map(State::name));
+    names.push("stale");
     let mut states = Vec::new();
     for id in 1..=view.report.room.max(1) {
         let target = view.report.targets.iter().find(|target| target.id == id);
-        states.extend(chosen(&label(id), "state", &STATES, view.state_of(target)));
+        states.extend(chosen(&label(id), "state", &names, view.state_of(target)));
     }
     for (name, help, values) in [
         ("score", "Raw score of the target.", scores),
@@ -144,7 +138,7 @@ fn targets(text: &mut String, view: &View) {
     }
 }
 
-/// A line per name, with 1 for the one that is so, and 0 for the others.
+/// A line per name, with 1 for the one that applies and 0 for the others.
 fn chosen(first: &str, label: &str, names: &[&str], name: &str) -> Vec<(String, f64)> {
     let comma = if first.is_empty() { "" } else { "," };
     let mut lines = Vec::new();
@@ -285,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn temperatures_are_read_where_the_system_tells_them() {
+    fn temperatures_are_read_from_the_thermal_zones() {
         let folder = std::env::temp_dir().join(format!("track-cpu-zones-{}", std::process::id()));
         let zone = folder.join("thermal_zone3");
         std::fs::create_dir_all(&zone).unwrap();

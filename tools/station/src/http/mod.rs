@@ -18,16 +18,16 @@
 //! | file | what happens there |
 //! |---|---|
 //! | `mod.rs` | options, requests and answers |
-//! | `request.rs` | a stranger's request, read within limits |
+//! | `request.rs` | reading an untrusted request within limits |
 //! | `host.rs` | which names this server has |
-//! | `places.rs` | how many connections there may be |
+//! | `admission.rs` | limits on connections |
 //! | `video.rs` | the video, encoded once for all viewers |
 //! | `metrics.rs` | numbers for Prometheus |
 //! | `page.html` | the page |
 
+mod admission;
 mod host;
 mod metrics;
-mod places;
 mod request;
 mod video;
 
@@ -44,31 +44,31 @@ use crate::command::{Command, LIFETIME, Outcome};
 use crate::error::{Error, read_secret};
 use crate::hub::Hub;
 use crate::say::say;
+use admission::Admission;
 use host::Hosts;
-use places::Places;
 use request::{Refusal, Request};
 use video::Video;
 
 const PAGE: &str = include_str!("page.html");
-/// How long a stream waits before it looks whether it is to end, or repeats itself.
+/// How long a stream waits before it checks whether to end, or repeats the last report.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Time between two reads of a request that has not arrived.
 const READ: Duration = Duration::from_millis(250);
 /// How long a client may take to receive something.
 const MAX_WRITE: Duration = Duration::from_secs(5);
-/// Most reads of a request that was refused, so that its answer is not lost.
-const MAX_VAIN: usize = 4;
+/// Most reads of the rest of a refused request.
+const MAX_DISCARDED_READS: usize = 4;
 /// Shortest time between two events.
 const EVENTS: Duration = Duration::from_millis(33);
-/// How often the listening thread looks whether it is to end.
+/// How often the listening thread checks whether to end.
 const TICK: Duration = Duration::from_millis(5);
 
-/// How the web page is to run.
+/// Options of the web page.
 #[derive(Clone, Debug, Default)]
 pub struct HttpOptions {
     /// Where it listens; `None` for no web page.
     pub address: Option<String>,
-    /// What starts and stops need; made up and shown if there is neither a token nor a file.
+    /// The token that starts and stops need. Without a token or a file, a random one is shown.
     pub token: Option<String>,
     /// File that holds the token.
     pub token_file: Option<PathBuf>,
@@ -154,7 +154,7 @@ pub fn start(options: &HttpOptions, hub: &Arc<Hub>) -> Result<Option<Page>, Erro
         hosts: Hosts::new(address, &options.names),
         hub: Arc::clone(hub),
         video,
-        places: Places::default(),
+        admission: Admission::default(),
     });
     let listening = std::thread::spawn(move || {
         while !site.hub.is_stopping() {
@@ -168,7 +168,7 @@ pub fn start(options: &HttpOptions, hub: &Arc<Hub>) -> Result<Option<Page>, Erro
     Ok(Some(Page { url, threads }))
 }
 
-/// The token that the user has given, in a file or as it is.
+/// The token that the user has given, in a file or as an option.
 fn given_token(options: &HttpOptions) -> Result<Option<String>, Error> {
     let Some(path) = &options.token_file else {
         if let Some(token) = &options.token {
@@ -195,10 +195,10 @@ struct Site {
     hosts: Hosts,
     hub: Arc<Hub>,
     video: Arc<Video>,
-    places: Places,
+    admission: Admission,
 }
 
-/// What is sent back.
+/// The answer to a request.
 struct Answer {
     status: u16,
     kind: &'static str,
@@ -234,20 +234,20 @@ impl Site {
     /// Gives a connection a thread of its own.
     fn welcome(self: &Arc<Site>, mut stream: TcpStream, from: IpAddr) {
         let site = Arc::clone(self);
-        let Some(place) = self.places.enter(&stream, from) else {
+        let Some(ticket) = self.admission.enter(&stream, from) else {
             return;
         };
-        // Where the system refuses a thread, the client is refused.
+        // If the system refuses a thread, the connection is closed.
         let _ = std::thread::Builder::new().spawn(move || {
-            let _ = site.answer(&mut stream, place, from); // the client may have gone
+            let _ = site.answer(&mut stream, ticket, from); // the client may have gone
         });
     }
 
-    /// Gives one answer; the place is left as soon as the request is read.
+    /// Answers one request. The ticket is given up as soon as the request is read.
     fn answer(
         &self,
         stream: &mut TcpStream,
-        place: places::Place,
+        ticket: admission::Ticket,
         from: IpAddr,
     ) -> std::io::Result<()> {
         stream.set_nonblocking(false)?;
@@ -259,11 +259,11 @@ impl Site {
             Err(Refusal::Gone) => return Ok(()),
             Err(Refusal::Status(status)) => {
                 send(stream, &Answer::text(status, "bad request\n"), true)?;
-                return drain(stream);
+                return discard_input(stream);
             }
         };
         let is_trusted = self.is_authorized(&request);
-        let Some(answering) = place.answer(is_trusted) else {
+        let Some(answering) = ticket.answer(is_trusted) else {
             return send(stream, &Answer::text(503, "too many requests\n"), true);
         };
         if !self.hosts.know(request.host.as_deref()) {
@@ -277,8 +277,8 @@ impl Site {
         }
         let is_stream = ["/video", "/events"].contains(&request.path.as_str());
         if request.method == "GET" && is_stream {
-            let Some(_watching) = self.places.watch(from, is_trusted) else {
-                return send(stream, &Answer::text(503, "too many watch\n"), true);
+            let Some(_watching) = self.admission.watch(from, is_trusted) else {
+                return send(stream, &Answer::text(503, "too many viewers\n"), true);
             };
             drop(answering); // streams are counted by themselves
             return if request.path == "/video" {
@@ -332,7 +332,7 @@ impl Site {
         }
     }
 
-    /// Has a command carried out and says what became of it.
+    /// Passes a command to the tracking thread and waits for its outcome.
     fn command(&self, command: Command) -> Answer {
         if let Err(reason) = command.check() {
             return Answer::error(400, &reason);
@@ -375,19 +375,20 @@ pub fn read_stop(body: &[u8]) -> Option<Command> {
     Command::stop(&serde_json::from_slice(body).ok()?)
 }
 
-/// Takes what was sent in vain, so that the answer is not lost with the connection.
-fn drain(stream: &mut TcpStream) -> std::io::Result<()> {
+/// Reads and discards the rest of a refused request. Closing a connection with unread input would
+/// reset it, and the client could lose the answer.
+fn discard_input(stream: &mut TcpStream) -> std::io::Result<()> {
     stream.shutdown(Shutdown::Write)?;
-    let mut vain = [0; 4096];
-    for _ in 0..MAX_VAIN {
-        if !stream.read(&mut vain).is_ok_and(|count| count > 0) {
+    let mut discarded = [0; 4096];
+    for _ in 0..MAX_DISCARDED_READS {
+        if !stream.read(&mut discarded).is_ok_and(|count| count > 0) {
             break;
         }
     }
     Ok(())
 }
 
-/// Headers of every answer: no other site may show it, and nothing is kept.
+/// Headers of every answer: no other site may show it, and no cache may keep it.
 const PROTECTION: &str = "Cache-Control: no-store\r\n\
      X-Content-Type-Options: nosniff\r\n\
      Cross-Origin-Resource-Policy: same-origin\r\n\
@@ -449,7 +450,7 @@ fn events(hub: &Hub, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Compares in a time that does not tell how much was right.
+/// Whether `a` equals `b`, in a time that does not reveal how many bytes are equal.
 fn same(a: &[u8], b: &[u8]) -> bool {
     let mut difference = u8::from(a.len() != b.len());
     for (a, b) in a.iter().zip(b) {

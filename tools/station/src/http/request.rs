@@ -1,4 +1,4 @@
-//! A stranger's request, read within limits of the head, of the body, and of time.
+//! Reading an untrusted request within limits of head, body and time.
 
 use std::io::{ErrorKind, Read};
 use std::time::{Duration, Instant};
@@ -12,7 +12,7 @@ pub const MAX_BODY: usize = 4096;
 /// How long a request may take to arrive.
 const MAX_TIME: Duration = Duration::from_secs(3);
 
-/// What matters about a request.
+/// The parts of a request that the server uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
     /// `GET`, `POST`, or another one.
@@ -29,7 +29,7 @@ pub struct Request {
     pub body: Vec<u8>,
 }
 
-/// Why there is no request.
+/// Why a request was not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// The client has gone.

@@ -1,4 +1,4 @@
-//! The video for viewers: encoded once, however many watch, on a thread of its own.
+//! The video for viewers, encoded once for all of them on a thread of its own.
 
 use std::io::Write;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -20,6 +20,7 @@ const QUALITY: u8 = 70;
 const FRAME_QUALITY: u8 = 90;
 /// How long a single frame is waited for.
 const FRAME_PATIENCE: Duration = Duration::from_secs(1);
+/// Separates the pictures of the multipart stream.
 const BOUNDARY: &str = "frame";
 
 /// A picture as JPEG.
@@ -30,7 +31,7 @@ struct Encoded {
     bytes: Arc<Vec<u8>>,
 }
 
-/// What encodes and hands out.
+/// The newest encoded picture, for all viewers.
 #[derive(Default)]
 pub struct Video {
     newest: Mutex<Encoded>,
@@ -38,7 +39,7 @@ pub struct Video {
 }
 
 impl Video {
-    /// Encodes pictures as long as somebody watches, until the program ends.
+    /// Encodes pictures while there are viewers, until the program ends.
     pub fn encode(&self, hub: &Hub) {
         let mut seen = 0;
         while !hub.is_stopping() {
@@ -52,7 +53,7 @@ impl Video {
                 continue;
             }
             seen = view.number;
-            // Copied out, so that the tracking thread finds the pictures free.
+            // A copy, so that the lock is free for the tracking thread during encoding.
             let newest = hub.pictures().newest();
             if let Some((frame, picture)) = newest
                 && let Some(bytes) = jpeg(&picture.fitted(MAX_WIDTH), QUALITY)
@@ -103,7 +104,7 @@ impl Video {
 
 /// The newest frame in full size as JPEG, kept so that a box can be drawn in it.
 pub fn freeze(hub: &Arc<Hub>) -> Option<(u64, Vec<u8>)> {
-    // Without a viewer no pictures are kept, so this one waits for the next report.
+    // Pictures are kept only while there is a viewer, so this counts as one and waits for the next.
     let _viewer = hub.watch();
     let wanted = hub.view().report.frame;
     let until = Instant::now() + FRAME_PATIENCE;

@@ -19,7 +19,7 @@ pub(super) struct Saver {
 }
 
 impl Saver {
-    /// Starts to save into a folder without pictures of an earlier flight, and names it.
+    /// Starts to save into a new or empty folder, and returns it.
     pub(super) fn start(folder: &Path) -> std::io::Result<(Saver, PathBuf)> {
         let folder = create_empty(folder)?;
         let (queue, frames) = sync_channel(MAX_WAITING);
@@ -28,8 +28,8 @@ impl Saver {
         Ok((Saver { queue, thread }, folder))
     }
 
-    /// Returns whether the frame will be saved: a slow disk costs frames of the log, never of the
-    /// tracker.
+    /// Queues a frame and returns whether it will be saved. If the disk is slow, frames are left
+    /// out of the log; the tracker never waits.
     pub(super) fn save(&mut self, frame: u64, picture: &Picture) -> bool {
         self.queue.try_send((frame, picture.clone())).is_ok()
     }
@@ -55,7 +55,7 @@ fn create_empty(path: &Path) -> std::io::Result<PathBuf> {
     )))
 }
 
-/// Saves until no frame follows; a full disk is said once and tried again later.
+/// Saves until no frame follows. A full disk is reported once and tried again later.
 fn save_all(folder: &Path, frames: &Receiver<(u64, Picture)>) {
     let mut retry = None;
     for (frame, picture) in frames {

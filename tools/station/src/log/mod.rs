@@ -1,14 +1,15 @@
-//! The flight log: a JSON object per line, enough to do the whole flight again.
+//! The flight log: a JSON object per line, enough to repeat the whole flight.
 //!
 //! | line | what it says |
 //! |---|---|
 //! | the first | the program, its input and its model; `continues` names the file before it |
 //! | with `frame` | commands at this frame, time since the one before, searches made, box found; where several targets can be followed, `targets` lists the latter for each |
 //! | with `source` | the source's health has changed |
-//! | with `continued` | the log goes on in this file |
+//! | with `continued` | the log continues in this file |
 //!
-//! Numbers are written so that they read back to the same bits. Frames are saved as PNG, which
-//! loses nothing. A full disk is said once; tracking goes on, and the log too once there is room.
+//! Numbers are written so that they read back to the same bits. Frames are saved as PNG, which is
+//! lossless. A full disk is reported once; tracking continues, and so does the log once there is
+//! room.
 
 mod frames;
 mod reader;
@@ -34,7 +35,7 @@ pub const VERSION: u64 = 4;
 
 /// Most files of one name.
 const MAX_FILES: usize = 10_000;
-/// Time between two attempts to go on with a log that could not be written.
+/// Time between two attempts to continue a log that could not be written.
 const RETRY: Duration = Duration::from_secs(30);
 
 /// Where the log goes and how large it may become.
@@ -70,8 +71,8 @@ pub enum Asked {
     },
 }
 
-/// Version of the lines for so many targets: those of one target are of an older version, which
-/// older programs read.
+/// Version of the lines for `room` targets. A log of one target has an older version, which older
+/// programs can read.
 pub fn version(room: usize) -> u64 {
     if room > 1 { VERSION } else { 3 }
 }
@@ -111,18 +112,18 @@ impl Log {
                     log.head["frames"] = folder.display().to_string().into();
                     log.saver = Some(saver);
                 }
-                Err(error) => log.excuse(folder, error)?,
+                Err(error) => log.tolerate(folder, error)?,
             }
         }
         if let Err(error) = log.open(None) {
-            log.excuse(&log.options.path, error)?;
+            log.tolerate(&log.options.path, error)?;
             log.retry = Instant::now() + RETRY;
         }
         Ok(log)
     }
 
-    /// Passes over a failure of the disk; a wrong path is a failure of the user's.
-    fn excuse(&self, path: &Path, error: std::io::Error) -> Result<(), Error> {
+    /// Reports a failure of the disk and continues; returns one that is the user's, a wrong path.
+    fn tolerate(&self, path: &Path, error: std::io::Error) -> Result<(), Error> {
         if matches!(
             error.kind(),
             ErrorKind::NotFound
@@ -133,11 +134,14 @@ impl Log {
         ) {
             return Err(Error::output(path.display(), error));
         }
-        say!("log: {}: {error}; going on without it", path.display());
+        say!(
+            "log: {}: {error}; tracking continues without it",
+            path.display()
+        );
         Ok(())
     }
 
-    /// Adds a frame; a failure is said once.
+    /// Adds a frame; a failure is reported once.
     pub fn add(&mut self, asked: &[Asked], report: &Report, picture: &Picture) {
         let tells_ids = report.tells_ids();
         let asked: Vec<Value> = asked.iter().map(|asked| asked.to_json(tells_ids)).collect();
@@ -150,9 +154,9 @@ impl Log {
             "latency_ms": report.latency_ms,
         });
         if tells_ids {
-            line["targets"] = report.targets.iter().map(found).collect();
+            line["targets"] = report.targets.iter().map(target_to_json).collect();
         } else if let Some(target) = report.first() {
-            tell(&mut line, &target.track);
+            add_track(&mut line, &target.track);
         }
         if let Some(saver) = &mut self.saver {
             line["saved"] = saver.save(report.frame, picture).into();
@@ -180,7 +184,7 @@ impl Log {
         };
         if let Err(error) = part.line(line) {
             let path = part.path.display();
-            say!("log: {path}: {error}; tracking goes on without the log");
+            say!("log: {path}: {error}; tracking continues without the log");
             self.file = None;
             self.retry = Instant::now() + RETRY;
             return;
@@ -190,7 +194,7 @@ impl Log {
         }
     }
 
-    /// Goes on in a new file.
+    /// Continues in a new file.
     fn rotate(&mut self) {
         let Some(mut full) = self.file.take() else {
             return;
@@ -202,7 +206,7 @@ impl Log {
                 let _ = full.line(&json!({ "continued": name.to_string_lossy() }));
             }
             (Err(error), _) => {
-                say!("log: {error}; tracking goes on without the log");
+                say!("log: {error}; tracking continues without the log");
                 self.retry = Instant::now() + RETRY;
             }
             _ => {}
@@ -265,7 +269,8 @@ impl Log {
 }
 
 impl Part {
-    /// Writes a line and flushes it: a crash or a lost battery costs no more than the last one.
+    /// Writes a line and flushes it, so that a crash or an empty battery costs at most the last
+    /// line.
     fn line(&mut self, line: &Value) -> std::io::Result<()> {
         let line = line.to_string();
         writeln!(self.file, "{line}")?;
@@ -287,7 +292,7 @@ pub(crate) fn numbered(path: &Path, number: usize) -> PathBuf {
     path.with_file_name(format!("{stem}-{number}{extension}"))
 }
 
-/// Creates a file that was not there.
+/// Creates a new file, with a number if there is one of this name.
 fn create_new(path: &Path) -> std::io::Result<(PathBuf, File)> {
     // The numbers after the largest one in use: those of removed files are not used again.
     let used = siblings(path).iter().map(|file| file.number + 1).max();
@@ -304,7 +309,7 @@ fn create_new(path: &Path) -> std::io::Result<(PathBuf, File)> {
     )))
 }
 
-/// A file of the log's name.
+/// A file of the log's name, with or without a number.
 struct Sibling {
     path: PathBuf,
     number: usize,
@@ -353,7 +358,7 @@ fn number_of(name: &Path, path: &Path, stem: &str) -> Option<usize> {
     number.parse().ok().filter(|_| !number.starts_with('0'))
 }
 
-/// Whether a file is a log of ours; nothing else is ever removed.
+/// Whether a file is a flight log; no other file is ever removed.
 fn is_log(path: &Path) -> bool {
     let mut line = String::new();
     let Ok(file) = File::open(path) else {
@@ -367,7 +372,7 @@ impl Asked {
     fn to_json(self, tells_ids: bool) -> Value {
         match self {
             Asked::Start { bbox, at, id } => {
-                let mut value = json!({ "start": exact(&bbox) });
+                let mut value = json!({ "start": box_to_json(&bbox) });
                 if let Some(at) = at {
                     value["at"] = at.into();
                 }
@@ -397,16 +402,16 @@ impl Asked {
     }
 }
 
-/// What is written of one target among several.
-fn found(target: &Followed) -> Value {
+/// One target among several.
+fn target_to_json(target: &Followed) -> Value {
     let mut value = json!({ "target": target.id, "state": target.track.state.name() });
-    tell(&mut value, &target.track);
+    add_track(&mut value, &target.track);
     value
 }
 
-/// Writes where a target is.
-fn tell(value: &mut Value, track: &Tracked) {
-    value["box"] = exact(&track.bbox);
+/// Adds where a target is to `value`.
+fn add_track(value: &mut Value, track: &Tracked) {
+    value["box"] = box_to_json(&track.bbox);
     value["presence"] = track.presence.map_or(Value::Null, |p| f64::from(p).into());
     value["searches"] = track.searches.into();
 }
@@ -419,14 +424,14 @@ fn read_id(value: &Value) -> Option<TargetId> {
 }
 
 /// A box whose numbers read back to the same bits: every f32 is exactly an f64, written in full.
-fn exact(bbox: &FrameBox) -> Value {
+fn box_to_json(bbox: &FrameBox) -> Value {
     [bbox.x, bbox.y, bbox.w, bbox.h]
         .map(f64::from)
         .to_vec()
         .into()
 }
 
-/// The box that [`exact`] wrote.
+/// The box that [`box_to_json`] wrote.
 fn read_box(value: &Value) -> Option<FrameBox> {
     let mut numbers = Vec::new();
     for number in value.as_array()? {

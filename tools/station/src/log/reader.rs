@@ -1,4 +1,4 @@
-//! Reading a flight log, over all the files that it goes on in.
+//! Reading a flight log through all of its files.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -75,7 +75,7 @@ impl Entry {
     }
 }
 
-/// A log that is read.
+/// Reads a log line by line.
 pub struct Reader {
     head: Value,
     path: PathBuf,
@@ -129,24 +129,28 @@ impl Reader {
             if let Some(name) = line["continued"].as_str() {
                 let files = self.files + 1;
                 if files > MAX_FILES {
-                    return Err(self.wrong("goes on in too many files"));
+                    return Err(self.wrong(&format!(
+                        "continues in too many files, expected at most {MAX_FILES}"
+                    )));
                 }
                 *self = Reader::open(&self.next_file(name)?)?;
                 self.files = files;
             } else if line.get("source").is_none() {
                 let entry = Entry::from_json(&line);
-                return entry
-                    .map(Some)
-                    .ok_or_else(|| self.wrong("holds a line that does not belong in a log"));
+                return entry.map(Some).ok_or_else(|| {
+                    self.wrong("expected a frame, found a line that does not belong in a log")
+                });
             }
         }
         Ok(None)
     }
 
-    /// The file that the log goes on in, beside this one.
+    /// The file in which the log continues, beside this one.
     fn next_file(&self, name: &str) -> Result<PathBuf, Error> {
         if Path::new(name).file_name() != Some(name.as_ref()) {
-            return Err(self.wrong("goes on in a file of another folder"));
+            return Err(self.wrong(&format!(
+                "continues in {name:?}, a file of another folder, expected one beside it"
+            )));
         }
         Ok(self.path.with_file_name(name))
     }
@@ -161,7 +165,7 @@ impl Reader {
         }
         if !line.ends_with('\n') {
             if read as u64 == MAX_LINE {
-                return Err(self.wrong("is too long"));
+                return Err(self.wrong(&format!("expected at most {MAX_LINE} bytes, found more")));
             }
             // The flight may have ended while this line was written.
             return Ok(None);
@@ -169,7 +173,7 @@ impl Reader {
         let value = serde_json::from_str(&line);
         value
             .map(Some)
-            .map_err(|error| self.wrong(&format!("is no JSON: {error}")))
+            .map_err(|error| self.wrong(&format!("expected JSON, found no JSON: {error}")))
     }
 
     /// An error that names the file and the line that was read last.

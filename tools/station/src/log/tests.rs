@@ -62,7 +62,7 @@ fn box_reads_back_to_the_same_bits() {
     for number in [0.1f32, -1.0 / 3.0, 1e-30, 123456.79, f32::MIN_POSITIVE] {
         let bbox = FrameBox::new(number, -number, number * 1.000_000_1, 7.0);
 
-        let text = exact(&bbox).to_string();
+        let text = box_to_json(&bbox).to_string();
         let back = read_box(&serde_json::from_str(&text).unwrap()).unwrap();
 
         assert_eq!(bbox.x.to_bits(), back.x.to_bits(), "{text}");
@@ -163,7 +163,7 @@ fn earlier_logs_and_frames_are_kept() {
 }
 
 #[test]
-fn log_goes_on_in_new_files_and_the_oldest_is_removed() {
+fn log_continues_in_new_files_and_the_oldest_is_removed() {
     let folder = Folder::new("rotated");
     let options = LogOptions {
         max_file: 400,
@@ -230,6 +230,6 @@ fn full_disk_is_no_error() {
     assert!(log.file.is_none());
     log.retry = Instant::now();
     log.add(&[], &report(2), &picture());
-    assert!(log.file.is_some(), "goes on once there is room");
+    assert!(log.file.is_some(), "continues once there is room");
     log.finish();
 }

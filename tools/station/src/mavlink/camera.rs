@@ -3,7 +3,7 @@
 //!
 //! Questions are answered to every system; only allowed ones may start, stop and set intervals.
 //! A start or stop is acknowledged once the tracking thread has carried it out. The protocol knows
-//! one target: a start is for [`FIRST`], a stop for all, and the status tells of the lowest.
+//! one target: a start is for [`FIRST`], a stop for all, and the status is that of the lowest.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -23,14 +23,14 @@ use crate::say::say;
 
 /// The target that ground stations start.
 const FIRST: TargetId = 1;
-/// How long a command may take before the client is told that it is in progress.
+/// How long a command may take before its client gets the result "in progress".
 const PROGRESS: Duration = Duration::from_millis(250);
 /// Most commands that wait for their outcome.
 const MAX_PENDING: usize = 32;
-/// Most strange system ids that are named on standard error.
+/// Most refused system ids that are named on standard error.
 const MAX_NAMED: usize = 16;
 
-// Numbers of the messages that may be asked for.
+// Numbers of the messages that clients may request.
 const CAMERA_INFORMATION: u32 = 259;
 const CAMERA_SETTINGS: u32 = 260;
 const STORAGE_INFORMATION: u32 = 261;
@@ -39,10 +39,10 @@ const VIDEO_STREAM_INFORMATION: u32 = 269;
 const VIDEO_STREAM_STATUS: u32 = 270;
 const CAMERA_TRACKING_IMAGE_STATUS: u32 = 275;
 
-/// A message and whom it is for.
+/// A message and its addressees.
 pub type Outgoing = (Audience, MavMessage);
 
-/// What the camera knows of its clients on one link.
+/// The camera on one link, and the state of its clients.
 pub struct Camera {
     system: u8,
     component: u8,
@@ -80,7 +80,7 @@ struct Asked {
 }
 
 impl Camera {
-    /// A camera that nobody has spoken to yet.
+    /// A camera without clients.
     pub fn new(options: &MavlinkOptions, hub: Arc<Hub>) -> Camera {
         Camera {
             system: options.system,
@@ -111,7 +111,7 @@ impl Camera {
         }
         let result = self.obey(peer, from, asked.command, asked.parameters);
         let mut answers = Vec::new();
-        // A broadcast to all components is acknowledged by those it concerns.
+        // Only components that a broadcast concerns acknowledge it.
         let is_addressed = asked.component == self.component;
         if let Some(result) = result
             && (is_addressed || result != MavResult::MAV_RESULT_UNSUPPORTED)
@@ -125,8 +125,8 @@ impl Camera {
         answers
     }
 
-    /// Whether a command without a name is to be refused; one for all components is left to those
-    /// it concerns.
+    /// Whether to refuse a command without a name. One for all components is left to those it
+    /// concerns.
     pub fn refuses(&self, unknown: &Unknown) -> bool {
         unknown.component == self.component && self.is_for_us(unknown.system, unknown.component)
     }
@@ -188,7 +188,7 @@ impl Camera {
         None
     }
 
-    /// Whether a system may control the camera; a refusal is said once.
+    /// Whether a system may control the camera; a refusal is reported once.
     fn may_control(&mut self, from: u32) -> bool {
         if self.allowed.contains(&from) {
             return true;
@@ -214,7 +214,7 @@ impl Camera {
         }
     }
 
-    /// The message that was asked for; one that tells the frame's size waits until it is known.
+    /// The requested message; one with the frame's size waits until the size is known.
     fn reply(&mut self, peer: Peer, number: u32) -> Option<Outgoing> {
         let view = self.hub.view();
         let tells_size = matches!(
@@ -258,7 +258,7 @@ impl Camera {
         })
     }
 
-    /// What is to be sent now: results of commands, answers that were owed, the tracking status.
+    /// The messages to send now: results of commands, delayed answers, the tracking status.
     ///
     /// `peers` are those that are remembered, and whether each one gets telemetry.
     pub fn due(&mut self, now: Instant, view: &View, peers: &[(Peer, bool)]) -> Vec<Outgoing> {
@@ -272,7 +272,7 @@ impl Camera {
             for (peer, number) in owed {
                 out.extend(self.reply(peer, number));
             }
-            // A ground station asks once, so a change of the size is told unasked.
+            // A ground station asks only once, so a change of the size is sent without a request.
             let has_changed = std::mem::replace(&mut self.told_size, view.report.size);
             if has_changed != (0, 0) && has_changed != view.report.size {
                 for &(peer, number) in &self.informed {
@@ -414,7 +414,7 @@ fn acknowledge(command: MavCmd, result: MavResult) -> MavMessage {
     MavMessage::COMMAND_ACK(COMMAND_ACK_DATA { command, result })
 }
 
-/// "I am a camera", once a second, with the health of the source.
+/// The heartbeat of a camera, once a second, with the health of the source.
 pub fn heartbeat(health: Health) -> MavMessage {
     MavMessage::HEARTBEAT(HEARTBEAT_DATA {
         custom_mode: 0,
@@ -433,8 +433,8 @@ pub fn heartbeat(health: Health) -> MavMessage {
 
 /// Where the first target is, in shares of the frame.
 ///
-/// Idle while nothing is followed. A stale report says COASTING at most; once frames have stopped,
-/// or while the target is lost, it is an error.
+/// The status is idle while nothing is followed, at most COASTING with a stale report, and an error
+/// once frames have stopped or while the target is lost.
 pub fn status(view: &View, by_point: bool) -> MavMessage {
     use CameraTrackingStatusFlags as Flags;
     let mut data = CAMERA_TRACKING_IMAGE_STATUS_DATA {
@@ -495,7 +495,7 @@ fn stream_flags(view: &View) -> VideoStreamStatusFlags {
     }
 }
 
-/// What ground stations need to know to play an address.
+/// The type of stream that ground stations need to play an address.
 fn stream_type(uri: &str) -> VideoStreamType {
     if uri.parse::<u16>().is_ok() {
         return VideoStreamType::VIDEO_STREAM_TYPE_RTPUDP; // the port to listen at

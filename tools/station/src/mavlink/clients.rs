@@ -1,4 +1,4 @@
-//! Which clients want the tracking status how often.
+//! How often each client wants the tracking status.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -9,16 +9,16 @@ use super::link::Peer;
 
 /// How often the status is sent unless a client asks otherwise.
 pub const INTERVAL: Duration = Duration::from_millis(100);
-/// Bounds of what may be asked for.
+/// Bounds of the interval.
 const SHORTEST: Duration = Duration::from_millis(20);
 const LONGEST: Duration = Duration::from_secs(60);
 /// Most clients whose wishes are remembered.
 const MAX_CLIENTS: usize = 64;
 
-/// The wishes of clients, each a system behind a peer; `None` for no status.
+/// The intervals that clients want; a client is a system reached through a peer.
 #[derive(Debug, Default)]
 pub struct Clients {
-    wishes: BTreeMap<(Peer, u32), Option<Duration>>,
+    wishes: BTreeMap<(Peer, u32), Option<Duration>>, // `None` for no status
     next: BTreeMap<Peer, Instant>,
 }
 
@@ -38,7 +38,7 @@ impl Clients {
         MavResult::MAV_RESULT_ACCEPTED
     }
 
-    /// A client that starts tracking wants to see what becomes of it.
+    /// Sends the status to a client from now on, because it has started a target.
     pub fn wants_status(&mut self, peer: Peer, system: u32) {
         let wish = self.wishes.get(&(peer, system)).copied().flatten();
         self.remember(peer, system, Some(wish.unwrap_or(INTERVAL)));
@@ -61,7 +61,7 @@ impl Clients {
 
     /// Time between two messages for a peer.
     ///
-    /// Clients behind the same peer hear the same messages, so the fastest wish counts.
+    /// Clients of the same peer receive the same messages, so the shortest interval counts.
     fn interval(&self, peer: Peer) -> Option<Duration> {
         let wishes = self.wishes.range((peer, 0)..=(peer, u32::MAX));
         let mut fastest = None;

@@ -1,7 +1,7 @@
 //! One link: its peers, and messages to and from them.
 //!
-//! Threads of their own read from sockets and ports; the link's thread takes what they have read,
-//! and writes.
+//! Threads of their own read from sockets and ports. The link's thread takes the messages they have
+//! read, and writes.
 
 use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
@@ -25,7 +25,7 @@ pub type Peer = u32;
 
 /// How long a connection may take to be opened.
 const CONNECT: Duration = Duration::from_secs(3);
-/// How long a read waits before its thread looks whether the link is closed.
+/// How long a read waits before its thread checks whether the link is closed.
 const READ: Duration = Duration::from_millis(200);
 /// How long a peer may take to receive a message.
 const WRITE: Duration = Duration::from_millis(500);
@@ -36,7 +36,7 @@ const MAX_PEERS: usize = 16;
 /// Largest datagram.
 const MAX_DATAGRAM: usize = 65_536;
 
-/// Whom a message is for.
+/// The addressees of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Audience {
     /// One peer.
@@ -47,9 +47,9 @@ pub enum Audience {
     All,
 }
 
-/// What was read from a peer.
+/// A message that was read from a peer.
 pub struct Received {
-    /// From whom.
+    /// The peer.
     pub peer: Peer,
     /// The message; its signature is right if the link has a key.
     pub message: MAVLinkMessageRaw,
@@ -153,7 +153,7 @@ impl Link {
         self.received.try_recv().ok()
     }
 
-    /// Says how the video is encoded that this link tells of.
+    /// Sets the encoding of the video that this link announces.
     pub fn set_encoding(&mut self, encoding: VideoStreamEncoding) {
         self.encoding = encoding;
     }
@@ -175,7 +175,7 @@ impl Link {
     /// Sends a message.
     ///
     /// # Errors
-    /// If the link itself fails; a peer that does not take it is no failure.
+    /// If the link itself fails; a peer that does not receive it is no failure.
     pub fn send(&mut self, audience: Audience, message: &MavMessage) -> Result<()> {
         if let MavMessage::VIDEO_STREAM_INFORMATION(data) = message {
             let raw = stream::serialized(data, self.encoding, self.header, self.signing());
@@ -260,7 +260,8 @@ impl Shared {
         *next
     }
 
-    /// The peer at an address, remembered from now on; strangers make room before trusted ones.
+    /// The peer at an address, which is remembered from now on. If there are too many, the one that
+    /// was silent longest is forgotten, a trusted one only if all are.
     fn peer_at(&self, from: SocketAddr, is_trusted: bool) -> Peer {
         {
             let mut peers = lock(&self.peers);
@@ -319,7 +320,7 @@ impl Shared {
                 match socket.recv_from(&mut datagram) {
                     Ok((count, from)) => shared.take_datagram(&datagram[..count], from),
                     Err(error) if is_waiting(&error) => {}
-                    // A datagram of ours that nobody took, or a passing trouble of the network.
+                    // An earlier datagram was not received, or the network is down for a while.
                     Err(_) => std::thread::sleep(READ),
                 }
             }
@@ -327,7 +328,7 @@ impl Shared {
         Ok(writer)
     }
 
-    /// Takes the messages of one datagram; half a message at its end is lost with it.
+    /// Takes the messages of one datagram; an incomplete one at its end is lost.
     fn take_datagram(&self, datagram: &[u8], from: SocketAddr) {
         let mut reader = MavlinkReader::new(datagram);
         while let Ok(message) = self.read_message(&mut reader) {
@@ -412,7 +413,7 @@ fn is_waiting(error: &Error) -> bool {
     )
 }
 
-/// Whether a datagram was lost for a reason that passes: nobody listens, or the network is down.
+/// Whether a datagram was lost for a temporary reason: nobody listens, or the network is down.
 fn is_passing(error: &Error) -> bool {
     is_waiting(error)
         || matches!(
@@ -559,7 +560,7 @@ mod tests {
 
     #[test]
     fn message_outside_the_dialect_is_passed_over_whole() {
-        // ATTITUDE, number 30: zeros, but for a byte that would begin another message.
+        // ATTITUDE, number 30: zeros, except for a byte that would begin another message.
         let mut attitude = vec![0xfd, 28, 0, 0, 0, 1, 1, 30, 0, 0];
         attitude.extend([0; 28]);
         attitude[20] = 0xfd;

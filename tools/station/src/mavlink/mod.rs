@@ -4,14 +4,13 @@
 //! |---|---|
 //! | `mod.rs` | options, and the thread of each link |
 //! | `address.rs`, `link.rs` | where links lead; their peers, and messages to and from them |
-//! | `camera.rs` | the camera protocol: what is answered, what is told |
+//! | `camera.rs` | the camera protocol: answers and the tracking status |
 //! | `clients.rs` | who wants the tracking status how often |
 //! | `pointing.rs` | gimbal rates and the landing target |
 //! | `stream.rs` | the encoding of the video, which the dialect's message lacks |
 //! | `unknown.rs` | commands that the dialect has no name for |
 //!
-//! **Invariant:** nothing that arrives here reaches the tracker but sound commands from allowed
-//! systems.
+//! **Invariant:** only valid commands from allowed systems reach the tracker.
 
 mod address;
 mod camera;
@@ -39,7 +38,7 @@ use link::{Audience, Link, Received};
 use pointing::Pointing;
 use unknown::Unknown;
 
-/// How the MAVLink camera is to run.
+/// Options of the MAVLink camera.
 #[derive(Clone, Debug)]
 pub struct MavlinkOptions {
     /// Links, such as `udpout:HOST:PORT`; the first one leads to the vehicle, and gets gimbal rates
@@ -49,7 +48,7 @@ pub struct MavlinkOptions {
     pub system: u8,
     /// Component id.
     pub component: u8,
-    /// System ids that may control the camera, besides our own.
+    /// System ids that may control the camera, in addition to its own.
     pub allow: Vec<u8>,
     /// File with the signing key.
     pub key: Option<PathBuf>,
@@ -61,7 +60,7 @@ pub struct MavlinkOptions {
     pub video_encoding: VideoStreamEncoding,
     /// Whether gimbal rates keep the target in the middle.
     pub gimbal: bool,
-    /// Whether LANDING_TARGET tells the angles to the target.
+    /// Whether LANDING_TARGET is sent with the angles to the target.
     pub landing_target: bool,
     /// Horizontal field of view of the camera in degrees.
     pub hfov: Option<f64>,
@@ -86,7 +85,7 @@ impl Default for MavlinkOptions {
 }
 
 impl MavlinkOptions {
-    /// The system ids that may control the camera, our own included.
+    /// The system ids that may control the camera, its own included.
     fn allowed_systems(&self) -> Vec<u32> {
         let mut systems: Vec<u32> = self.allow.iter().copied().map(u32::from).collect();
         systems.push(self.system.into());
@@ -104,7 +103,7 @@ impl MavlinkOptions {
 
 /// Wait before a link that failed is opened again.
 const RETRY: Duration = Duration::from_secs(1);
-/// How often a link's thread looks what is due.
+/// How often a link's thread checks what is due.
 const TICK: Duration = Duration::from_millis(10);
 /// Time between two heartbeats.
 const HEARTBEAT: Duration = Duration::from_secs(1);
@@ -141,7 +140,7 @@ pub fn start(options: &MavlinkOptions, hub: &Arc<Hub>) -> Result<Vec<JoinHandle<
 
 /// Serves a link and opens it again when it breaks, until the program ends.
 fn keep_open(address: &Address, options: &MavlinkOptions, hub: &Arc<Hub>, key: Option<[u8; 32]>) {
-    let mut is_told = false; // a link that stays down is said once
+    let mut is_told = false; // a link that stays down is reported once
     while !hub.is_stopping() {
         match Link::open(address, options.header(), &options.allowed_systems(), key) {
             Ok(mut link) => {
@@ -197,7 +196,7 @@ fn serve(mut link: Link, options: &MavlinkOptions, hub: &Arc<Hub>) -> std::io::R
             link.send(*audience, message)?;
         }
     }
-    for message in &pointing.farewell() {
+    for message in &pointing.release() {
         link.send(Audience::Trusted, message)?;
     }
     Ok(())

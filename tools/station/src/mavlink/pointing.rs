@@ -1,9 +1,9 @@
-//! What follows the first target with metal: gimbal rates by a PI controller, and the angles for a
-//! precise landing.
+//! Pointing at the first target: gimbal rates from a PI controller, and the angles for a precise
+//! landing.
 //!
 //! Nothing moves by a report that is not fresh: rates go to zero, control of the gimbal is given
-//! back, and then nothing is sent. Control is not taken back from another owner until a target is
-//! chosen again.
+//! back, and then nothing is sent. If another owner takes control, this program leaves it to them
+//! until a target is chosen again.
 
 use std::time::{Duration, Instant};
 
@@ -26,9 +26,9 @@ const INTEGRAL: f64 = 0.4;
 const MAX_RATE: f64 = 0.8;
 /// Largest error that is ignored, rad: jitter of the box must not shake the camera.
 const DEAD_BAND: f64 = 0.004;
-/// How often zero rates are sent once there is nothing to follow: a lossy link must not lose them.
+/// How many times zero rates are sent when there is nothing to follow, since a link may lose some.
 const ZEROS: u32 = 5;
-/// How long a gimbal manager may take to tell who is in control.
+/// How long a gimbal manager may take to report who is in control.
 const GRACE: Duration = Duration::from_secs(1);
 /// Parameter of DO_GIMBAL_MANAGER_CONFIGURE: leave unchanged.
 const UNCHANGED: f32 = -1.0;
@@ -65,7 +65,7 @@ impl Axis {
     }
 }
 
-/// What is sent beside the camera protocol.
+/// The controller of the gimbal and the source of landing angles.
 pub struct Pointing {
     gimbal: bool,
     landing_target: bool,
@@ -76,7 +76,7 @@ pub struct Pointing {
     pitch: Axis,
     next: Option<Instant>,
     control: Control,
-    owner: (u8, u8), // as the gimbal manager last told; (0, 0) is nobody
+    owner: (u8, u8), // as the gimbal manager last reported; (0, 0) is nobody
 }
 
 /// Who moves the gimbal, as far as this program knows.
@@ -109,7 +109,7 @@ impl Pointing {
         }
     }
 
-    /// Hears from the vehicle who controls the gimbal.
+    /// Takes a message of the vehicle that says who controls the gimbal.
     pub fn hear(&mut self, from: u32, message: &MavMessage) {
         if let MavMessage::GIMBAL_MANAGER_STATUS(status) = message
             && from == u32::from(self.system)
@@ -118,7 +118,7 @@ impl Pointing {
         }
     }
 
-    /// What is to be sent now; `is_new` if the report has not been seen before.
+    /// The messages to send now; `is_new` says that the report was not seen before.
     pub fn due(&mut self, now: Instant, view: &View, is_new: bool) -> Vec<MavMessage> {
         let mut out = Vec::new();
         let report = &view.report;
@@ -146,7 +146,8 @@ impl Pointing {
         out
     }
 
-    /// Turns toward a target, unless the gimbal is another's; `start` is the target's, of `starts`.
+    /// Turns toward a target, unless another owner controls the gimbal. `start` is the number of
+    /// the target's start, of `starts` so far.
     fn follow(
         &mut self,
         now: Instant,
@@ -165,7 +166,7 @@ impl Pointing {
                      a target is chosen again"
                 );
                 self.control = Control::Theirs { starts };
-                self.calm();
+                self.reset();
                 return;
             }
             Control::Ours { .. } => {}
@@ -183,7 +184,7 @@ impl Pointing {
 
     /// Stops a gimbal that may be moving, then gives it back.
     fn rest(&mut self, out: &mut Vec<MavMessage>) {
-        self.calm();
+        self.reset();
         let left = match self.control {
             Control::Free | Control::Theirs { .. } => return,
             Control::Ours { .. } => ZEROS,
@@ -198,14 +199,14 @@ impl Pointing {
         }
     }
 
-    /// Forgets what the controllers have summed up.
-    fn calm(&mut self) {
+    /// Resets the integrals of both controllers.
+    fn reset(&mut self) {
         self.yaw = Axis::default();
         self.pitch = Axis::default();
     }
 
     /// Zero rates and the gimbal given back, if it may be moving.
-    pub fn farewell(&self) -> Vec<MavMessage> {
+    pub fn release(&self) -> Vec<MavMessage> {
         match self.control {
             Control::Free | Control::Theirs { .. } => Vec::new(),
             _ => vec![self.rates(0.0, 0.0), self.configure(RELEASE, RELEASE)],
@@ -375,12 +376,12 @@ mod tests {
                 assert_eq!(rates(std::slice::from_ref(message)), Some((0.0, 0.0)));
             }
             assert_eq!(control(&messages), Some(RELEASE));
-            assert!(pointing.farewell().is_empty());
+            assert!(pointing.release().is_empty());
         }
     }
 
     #[test]
-    fn integral_starts_anew_after_a_stall() {
+    fn integral_restarts_after_a_stall() {
         let mut pointing = pointing();
         let mut now = Instant::now();
         let seen = view(State::Tracking, Freshness::Fresh);

@@ -1,5 +1,5 @@
-//! Commands whose number has no name in the dialect: they are refused like all others that a camera
-//! does not know.
+//! Commands whose number has no name in the dialect. They are refused like all others that a camera
+//! does not support.
 //!
 //! The parser rejects such a message as a whole, so this file reads the few bytes that matter and
 //! writes the answer.
@@ -33,7 +33,7 @@ impl Unknown {
         if ![COMMAND_LONG_DATA::ID, COMMAND_INT_DATA::ID].contains(&message.message_id()) {
             return None;
         }
-        // Both have the command behind 28 bytes of parameters; version 2 omits zeros at the end.
+        // In both, the command follows 28 bytes of parameters; version 2 omits zeros at the end.
         let byte = |at: usize| message.payload().get(at).copied().unwrap_or(0);
         let command = u16::from_le_bytes([byte(28), byte(29)]);
         Some(Unknown {
@@ -49,7 +49,7 @@ impl Unknown {
     }
 }
 
-/// A message of our own making, signed if the link has a key.
+/// A message without a generated type, signed if the link has a key.
 pub fn serialized(
     data: &impl MessageData,
     header: MavHeader,

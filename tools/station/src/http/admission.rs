@@ -1,9 +1,9 @@
-//! How many connections there may be, so that nobody can lock the operator out.
+//! Limits on connections, so that nobody can lock the operator out.
 //!
-//! A request that has not arrived holds a place. If there are none left, the connection that has
-//! waited for longest loses its place: a whole request arrives at once, while a slow one that was
-//! sent to hold a place is thrown out by the next. Connections that have just come are spared as
-//! long as that is possible. Requests with the token are always answered.
+//! A connection holds a place until its request has arrived. If no place is free, a new connection
+//! takes that of the one that has waited longest: an honest request arrives at once, while a slow
+//! one that was sent to hold a place loses it to the next. Connections that have just come keep
+//! their places as long as possible. Requests with the token are always answered.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Shutdown, TcpStream};
@@ -16,7 +16,7 @@ use crate::hub::lock;
 const MAX_WAITING: usize = 128;
 /// Most of them from one address.
 const MAX_WAITING_EACH: usize = 48;
-/// How many from one address may hold a place for longer than [`GRACE`].
+/// Most of them from one address if the oldest has waited for longer than [`GRACE`].
 const MAX_SLOW_EACH: usize = 12;
 /// How long a request may take to arrive without being slow.
 const GRACE: Duration = Duration::from_millis(300);
@@ -29,9 +29,9 @@ const MAX_STREAMS_EACH: usize = 16;
 /// Further streams for those who have the token.
 const RESERVED_STREAMS: usize = 8;
 
-/// The places of a server.
+/// Counts a server's connections and admits new ones within the limits.
 #[derive(Debug, Default)]
-pub struct Places(Arc<Mutex<Taken>>);
+pub struct Admission(Arc<Mutex<Taken>>);
 
 #[derive(Debug, Default)]
 struct Taken {
@@ -51,7 +51,7 @@ struct Waiting {
 
 /// The place of a connection whose request has not arrived.
 #[derive(Debug)]
-pub struct Place {
+pub struct Ticket {
     number: u64,
     taken: Arc<Mutex<Taken>>,
 }
@@ -67,9 +67,9 @@ pub struct Watching {
     taken: Arc<Mutex<Taken>>,
 }
 
-impl Places {
+impl Admission {
     /// Takes a place for a new connection; `None` if the connection has gone.
-    pub fn enter(&self, stream: &TcpStream, from: IpAddr) -> Option<Place> {
+    pub fn enter(&self, stream: &TcpStream, from: IpAddr) -> Option<Ticket> {
         let handle = stream.try_clone().ok()?;
         let mut taken = lock(&self.0);
         if let Some(loser) = taken.loser(from)
@@ -85,7 +85,7 @@ impl Places {
             since: Instant::now(),
         };
         taken.waiting.insert(number, waiting);
-        Some(Place {
+        Some(Ticket {
             number,
             taken: Arc::clone(&self.0),
         })
@@ -113,7 +113,7 @@ impl Places {
 }
 
 impl Taken {
-    /// The connection that makes room for a new one from an address, if one must.
+    /// The connection that must lose its place to a new one from an address, if any.
     fn loser(&self, from: IpAddr) -> Option<u64> {
         let mut of_address = self
             .waiting
@@ -132,8 +132,8 @@ impl Taken {
     }
 }
 
-impl Place {
-    /// Leaves the place, since the request has arrived; `None` if too many are answered.
+impl Ticket {
+    /// Gives the place up, since the request has arrived; `None` if too many are being answered.
     pub fn answer(self, is_trusted: bool) -> Option<Answering> {
         let mut taken = lock(&self.taken);
         if taken.answering >= MAX_ANSWERING && !is_trusted {
@@ -144,7 +144,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for Ticket {
     fn drop(&mut self) {
         lock(&self.taken).waiting.remove(&self.number);
     }
@@ -186,14 +186,14 @@ mod tests {
 
     #[test]
     fn oldest_waiting_connection_of_an_address_makes_room() {
-        let places = Places::default();
+        let admission = Admission::default();
         let stream = connection();
-        let other = places.enter(&stream, address(9)).unwrap();
-        let held: Vec<Place> = (0..3 * MAX_WAITING_EACH)
-            .map(|_| places.enter(&stream, address(1)).unwrap())
+        let other = admission.enter(&stream, address(9)).unwrap();
+        let held: Vec<Ticket> = (0..3 * MAX_WAITING_EACH)
+            .map(|_| admission.enter(&stream, address(1)).unwrap())
             .collect();
 
-        let taken = lock(&places.0);
+        let taken = lock(&admission.0);
 
         assert_eq!(taken.waiting.len(), MAX_WAITING_EACH + 1);
         assert!(taken.waiting.contains_key(&other.number));
@@ -202,32 +202,32 @@ mod tests {
     }
 
     #[test]
-    fn places_are_given_back() {
-        let places = Places::default();
+    fn places_are_free_again_after_a_drop() {
+        let admission = Admission::default();
         let stream = connection();
 
-        let answering = places.enter(&stream, address(1)).unwrap().answer(false);
-        let watching = places.watch(address(1), false);
+        let answering = admission.enter(&stream, address(1)).unwrap().answer(false);
+        let watching = admission.watch(address(1), false);
         assert!(answering.is_some() && watching.is_some());
         drop((answering, watching));
 
-        let taken = lock(&places.0);
+        let taken = lock(&admission.0);
         assert!(taken.waiting.is_empty() && taken.streams.is_empty());
         assert_eq!(taken.answering, 0);
     }
 
     #[test]
-    fn token_finds_a_place_when_all_others_are_taken() {
-        let places = Places::default();
+    fn stream_with_the_token_gets_a_reserved_place() {
+        let admission = Admission::default();
         let one: Vec<_> = (0..64)
-            .filter_map(|_| places.watch(address(1), false))
+            .filter_map(|_| admission.watch(address(1), false))
             .collect();
         let two: Vec<_> = (0..64)
-            .filter_map(|_| places.watch(address(2), false))
+            .filter_map(|_| admission.watch(address(2), false))
             .collect();
 
         assert_eq!((one.len(), two.len()), (MAX_STREAMS_EACH, MAX_STREAMS_EACH));
-        assert!(places.watch(address(3), false).is_none());
-        assert!(places.watch(address(1), true).is_some());
+        assert!(admission.watch(address(3), false).is_none());
+        assert!(admission.watch(address(1), true).is_some());
     }
 }

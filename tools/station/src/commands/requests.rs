@@ -1,4 +1,4 @@
-//! A line and its answer: requests are handed to the hub, and answered when their outcome is known.
+//! Requests and their answers. Commands go to the hub and are answered when their outcome is known.
 
 use serde_json::{Map, Value};
 
@@ -6,12 +6,12 @@ use super::MAX_LINE;
 use crate::command::{Command, Outcome, Receipt};
 use crate::hub::Hub;
 
-/// What a line asks for.
+/// A request that a peer sent as a line.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// That a command is carried out.
+    /// A command to carry out.
     Command(Command),
-    /// The newest report.
+    /// A question for the newest report.
     State,
 }
 
@@ -19,7 +19,7 @@ impl Request {
     /// Reads a line; returns its `"id"` as well.
     ///
     /// # Errors
-    /// Says what was expected where the line is no request.
+    /// If the line is not a request; says what was expected.
     pub fn from_json(bytes: &[u8]) -> (Option<Value>, Result<Request, String>) {
         let Ok(Value::Object(fields)) = serde_json::from_slice(bytes) else {
             return (None, Err("expected a JSON object".into()));
@@ -42,48 +42,48 @@ impl Request {
     }
 }
 
-/// Requests whose answers are owed to peers.
-pub struct Desk<P> {
-    owed: Vec<(P, Option<Value>, Receipt)>,
-    known: Vec<(P, String)>,
+/// Requests of peers that are not answered yet.
+pub struct Requests<P> {
+    waiting: Vec<(P, Option<Value>, Receipt)>, // for their outcome
+    ready: Vec<(P, String)>,                   // answers to send
 }
 
-impl<P> Default for Desk<P> {
-    fn default() -> Desk<P> {
-        Desk {
-            owed: Vec::new(),
-            known: Vec::new(),
+impl<P> Default for Requests<P> {
+    fn default() -> Requests<P> {
+        Requests {
+            waiting: Vec::new(),
+            ready: Vec::new(),
         }
     }
 }
 
-impl<P> Desk<P> {
+impl<P> Requests<P> {
     /// Takes a peer's line.
     pub fn take(&mut self, hub: &Hub, line: &[u8], peer: P) {
         let (id, request) = Request::from_json(line);
         match request {
-            // The hub bounds how many commands wait, so that as many answers are owed at most.
-            Ok(Request::Command(command)) => self.owed.push((peer, id, hub.command(command))),
+            // The hub bounds how many commands wait, and with them this list.
+            Ok(Request::Command(command)) => self.waiting.push((peer, id, hub.command(command))),
             Ok(Request::State) => {
                 let mut answer = answer(id, true);
                 answer.insert("report".into(), hub.view().to_json());
-                self.known.push((peer, Value::Object(answer).to_string()));
+                self.ready.push((peer, Value::Object(answer).to_string()));
             }
-            Err(reason) => self.known.push((peer, refusal(id, &reason))),
+            Err(reason) => self.ready.push((peer, refusal(id, &reason))),
         }
     }
 
-    /// Whether answers are owed that are not known yet.
-    pub fn owes_answers(&self) -> bool {
-        !self.owed.is_empty()
+    /// Whether the outcome of a request is still unknown.
+    pub fn is_waiting(&self) -> bool {
+        !self.waiting.is_empty()
     }
 
-    /// The answers that are known now, each with its peer.
+    /// The answers that can be sent now, each with its peer.
     pub fn answers(&mut self, hub: &Hub) -> Vec<(P, String)> {
-        let mut answers = std::mem::take(&mut self.known);
-        for (peer, id, receipt) in std::mem::take(&mut self.owed) {
+        let mut answers = std::mem::take(&mut self.ready);
+        for (peer, id, receipt) in std::mem::take(&mut self.waiting) {
             match receipt.outcome() {
-                None => self.owed.push((peer, id, receipt)),
+                None => self.waiting.push((peer, id, receipt)),
                 Some(Outcome::Done) => {
                     answers.push((peer, Value::Object(answer(id, true)).to_string()));
                 }
@@ -165,22 +165,22 @@ mod tests {
     fn answer_is_given_when_the_outcome_is_known() {
         let hub = Hub::new(Limits::default());
         hub.tell(|pulse| pulse.frame(Instant::now()));
-        let mut desk = Desk::default();
+        let mut requests = Requests::default();
 
-        desk.take(
+        requests.take(
             &hub,
             br#"{"id": 1, "command": "start", "point": [0.5, 0.5]}"#,
             "a",
         );
-        desk.take(
+        requests.take(
             &hub,
             br#"{"id": 2, "command": "start", "point": [7, 7]}"#,
             "b",
         );
-        desk.take(&hub, b"nonsense", "c");
-        let first = desk.answers(&hub);
+        requests.take(&hub, b"nonsense", "c");
+        let first = requests.answers(&hub);
         hub.take_commands(true)[0].resolve(Outcome::Done);
-        let second = desk.answers(&hub);
+        let second = requests.answers(&hub);
 
         let peers: Vec<&str> = first.iter().map(|(peer, _)| *peer).collect();
         assert_eq!(peers, ["c", "b"]);
@@ -188,6 +188,6 @@ mod tests {
         assert!(refused.contains(r#""done":false"#), "{refused}");
         assert!(refused.contains("within the frame"), "{refused}");
         assert_eq!(second, [("a", r#"{"done":true,"id":1}"#.to_string())]);
-        assert!(!desk.owes_answers());
+        assert!(!requests.is_waiting());
     }
 }
