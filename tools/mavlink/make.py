@@ -5,8 +5,8 @@
     tools/mavlink/make.py DEFINITIONS
 
 DEFINITIONS is the folder message_definitions/v1.0 of github.com/mavlink/mavlink. The whole dialect
-has 250 messages and takes a tenth of a first build. The checksum seeds of all of them are kept: a
-message that is not used is passed over whole.
+has 250 messages and takes a tenth of a first build. The checksum seeds of all of them are kept, so
+that a message that is not used is checked and skipped whole.
 """
 
 import re
@@ -32,7 +32,7 @@ MESSAGES = """
 
 
 def generate(definitions, name):
-    """What mavlink-bindgen makes of a dialect in a folder."""
+    """The code that mavlink-bindgen generates for a dialect in a folder."""
     with tempfile.TemporaryDirectory() as out:
         subprocess.run(["mavlink-bindgen", definitions, out], check=True, stdout=sys.stderr)
         return (Path(out) / f"{name}.rs").read_text()
@@ -70,7 +70,7 @@ def trimmed(definitions):
 
 
 def closing(code, at):
-    """The place behind the bracket that matches the one at a place."""
+    """The place after the bracket that matches the one at a place."""
     depth = 0
     for place in range(at, len(code)):
         depth += (code[place] in "([{") - (code[place] in ")]}")
@@ -80,7 +80,7 @@ def closing(code, at):
 
 
 def without_features(code):
-    """Code without what depends on features of the generator's own crate."""
+    """Code without the parts that depend on features of the generator's own crate."""
     while match := re.search(r"# \[cfg(_attr)? \((?:any \()?feature", code):
         end = closing(code, match.start() + 2)
         if not match[1]:  # the item that follows goes, too

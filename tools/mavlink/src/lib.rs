@@ -1,8 +1,9 @@
-//! The crate `mavlink` with the messages that the station uses: the same names, a tenth of a first
-//! build less.
+//! A replacement for the crate `mavlink` that has only the messages that the station uses, under
+//! the same names. It makes a first build of the workspace a tenth shorter.
 //!
-//! The messages are made by `make.py`, whose `MESSAGES` lists them. The seeds of all messages are
-//! kept: one that is not used is checked and passed over whole.
+//! `make.py` generates the messages; its `MESSAGES` lists them. The checksum seeds of all messages
+//! are included, so that the length and checksum of an unused message are checked and it is skipped
+//! whole.
 
 #![forbid(unsafe_code)]
 
