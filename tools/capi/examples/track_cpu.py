@@ -1,4 +1,4 @@
-"""track-cpu from Python by ctypes: a replacement of cv2.TrackerNano. Needs only the shared library.
+"""track-cpu from Python by ctypes, in place of cv2.TrackerNano. Needs only the shared library.
 
     import track_cpu
     tracker = track_cpu.Tracker()              # or Tracker(model="weights.safetensors", threads=2)

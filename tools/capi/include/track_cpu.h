@@ -47,8 +47,8 @@ enum {
     TRACK_CPU_MODEL = 2,    /* the weights file cannot be used */
     TRACK_CPU_IMAGE = 3,    /* the picture is invalid: a side is 0 or above 32768, or the stride is
                                shorter than a row */
-    TRACK_CPU_TARGET = 4,   /* the box has no area, lies outside the picture or is in shares of it,
-                               or there is no target yet */
+    TRACK_CPU_TARGET = 4,   /* the box has no area, lies outside the picture or is in shares of its
+                               sides (0 to 1), or there is no target yet */
     TRACK_CPU_DEFECT = 5,   /* a defect of the library; destroy the tracker */
     TRACK_CPU_FORKED = 6    /* the process was forked after this tracker had started its threads */
 };
@@ -94,7 +94,7 @@ typedef struct track_cpu_box {
  * calibration. */
 int32_t track_cpu_model_load(const char *model_path, uint32_t precision, track_cpu_model **out);
 
-/* Ends a model; a no-op for NULL. Trackers that share it go on. */
+/* Destroys a model; does nothing for NULL. Trackers that share it keep working. */
 void track_cpu_model_destroy(track_cpu_model *model);
 
 /* Makes a tracker from a weights file or built-in model, as track_cpu_model_load() names it, in the
@@ -108,7 +108,7 @@ int32_t track_cpu_create_from(const track_cpu_model *model, uint32_t threads,
 
 /* Takes the content of the box (pixels) as the new target. On failure the old target stays.
  * Errors: ARGUMENT: the format; IMAGE; TARGET: a number is not finite, or the box has no area or no
- * pixel of the picture, or is in shares of it; FORKED. */
+ * pixel of the picture, or is in shares of its sides; FORKED. */
 int32_t track_cpu_init(track_cpu_tracker *tracker, const track_cpu_image *image,
                        const track_cpu_box *target);
 

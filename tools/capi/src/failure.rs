@@ -7,18 +7,18 @@ use track_cpu::flight::{PresenceError, ThresholdError};
 use track_cpu::shared::SharedError;
 use track_cpu::{FrameError, ModelError, TrackError};
 
-/// Why a call failed. The codes are those of `track_cpu.h`.
+/// Why a call failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// A pointer is null.
     #[error("{0} is null")]
     Null(&'static str),
-    /// There cannot be as many threads.
+    /// The number of threads is out of range.
     #[error("{found} threads, expected 1 to {most}")]
     Threads {
-        /// How many were asked for.
+        /// The number that was given.
         found: u32,
-        /// How many there may be.
+        /// The largest number allowed.
         most: usize,
     },
     /// A path is not UTF-8.
@@ -33,7 +33,7 @@ pub enum Failure {
     /// A number is none of those allowed.
     #[error("{name} is {found}, expected {expected}")]
     Number {
-        /// What it is called.
+        /// Its name.
         name: &'static str,
         /// What was given.
         found: f64,
@@ -55,7 +55,7 @@ pub enum Failure {
     /// A picture is invalid.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// The tracker refuses.
+    /// The tracker refuses the box or the picture.
     #[error(transparent)]
     Track(#[from] TrackError),
     /// The tracker cannot be used any more.
@@ -67,6 +67,7 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// The code in `track_cpu.h`.
     fn code(&self) -> i32 {
         match self {
             Failure::Null(_)
@@ -75,12 +76,12 @@ impl Failure {
             | Failure::Format { .. }
             | Failure::Number { .. }
             | Failure::Threshold(_)
-            | Failure::Mode => 1,
-            Failure::Model(_) | Failure::Presence(_) => 2,
-            Failure::Frame(_) => 3,
-            Failure::Track(_) => 4,
-            Failure::Panic(_) | Failure::Shared(SharedError::Poisoned) => 5,
-            Failure::Shared(SharedError::Forked) => 6,
+            | Failure::Mode => 1, // TRACK_CPU_ARGUMENT
+            Failure::Model(_) | Failure::Presence(_) => 2, // TRACK_CPU_MODEL
+            Failure::Frame(_) => 3,                        // TRACK_CPU_IMAGE
+            Failure::Track(_) => 4,                        // TRACK_CPU_TARGET
+            Failure::Panic(_) | Failure::Shared(SharedError::Poisoned) => 5, // TRACK_CPU_DEFECT
+            Failure::Shared(SharedError::Forked) => 6,     // TRACK_CPU_FORKED
         }
     }
 }
@@ -98,12 +99,12 @@ pub fn guarded(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
     });
     let Err(failure) = done else { return 0 };
     let words = CString::new(failure.to_string().replace('\0', " ")).unwrap_or_default();
-    // Fails while the thread ends, when nobody can ask any more.
+    // Fails while the thread ends, when no further call can ask for the message.
     let _ = LAST.try_with(|last| last.replace(words));
     failure.code()
 }
 
-/// The message of this thread's last failure; it lasts until the next call.
+/// The message of this thread's last failure, valid until the next call; `None` while it ends.
 pub fn last() -> Option<*const c_char> {
     LAST.try_with(|last| last.borrow().as_ptr()).ok()
 }

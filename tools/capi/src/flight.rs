@@ -1,4 +1,4 @@
-//! Flight mode's structs as C sees them.
+//! Flight mode's structs in the layout of the C header.
 
 use crate::failure::Failure;
 use crate::track_cpu_box;
@@ -13,7 +13,6 @@ pub const SEARCHES: u32 = 2;
 /// Thresholds and times of flight mode.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(non_camel_case_types)]
 pub struct track_cpu_flight_options {
     /// Least presence of a target that counts as seen.
     pub present: f64,
@@ -22,7 +21,7 @@ pub struct track_cpu_flight_options {
     pub sure: f64,
     /// Presence below which an empty look counts as absence.
     pub absent: f64,
-    /// Seconds for which nothing may be seen of the target before the box is given up.
+    /// Seconds without a sight of the target after which the box is given up.
     pub patience: f64,
     /// Seconds of coasting before the target counts as lost.
     pub coast: f64,
@@ -30,14 +29,13 @@ pub struct track_cpu_flight_options {
     pub fps: f64,
     /// Looks in a row, one a picture, that confirm a place for a lost target.
     pub confirm: u32,
-    /// 1 to follow only and tell presence, 0 to coast and search as well.
+    /// 1 to only follow and report presence, 0 to coast and search as well.
     pub tell_only: u32,
 }
 
 /// Where the target is in one picture.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[allow(non_camel_case_types)]
 pub struct track_cpu_flight_track {
     /// The target's box; predicted where the state says so.
     pub bbox: track_cpu_box,
@@ -56,7 +54,6 @@ pub struct track_cpu_flight_track {
 /// One place where the target may be.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[allow(non_camel_case_types)]
 pub struct track_cpu_candidate {
     /// Its box.
     pub bbox: track_cpu_box,
@@ -67,7 +64,7 @@ pub struct track_cpu_candidate {
 }
 
 impl track_cpu_flight_options {
-    /// The options as C sees them.
+    /// The options in the layout of the C header.
     pub(crate) fn of(options: &FlightOptions) -> track_cpu_flight_options {
         track_cpu_flight_options {
             present: options.present,
@@ -81,11 +78,11 @@ impl track_cpu_flight_options {
         }
     }
 
-    /// The usual options with these in their places.
+    /// `defaults` with these options in place of theirs.
     ///
     /// # Errors
     /// If a number is none of those allowed.
-    pub(crate) fn over(&self, usual: FlightOptions) -> Result<FlightOptions, Failure> {
+    pub(crate) fn apply_to(&self, defaults: FlightOptions) -> Result<FlightOptions, Failure> {
         let bounded = [
             ("fps", self.fps, FRAME_RATES, "0.1 to 1000"),
             ("tell_only", self.tell_only.into(), 0.0..=1.0, "0 or 1"),
@@ -113,7 +110,7 @@ impl track_cpu_flight_options {
             confirm: self.confirm,
             fps: self.fps,
             conduct,
-            ..usual
+            ..defaults
         };
         for (name, value) in options.thresholds() {
             check_threshold(name, value)?;

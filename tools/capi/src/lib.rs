@@ -15,9 +15,14 @@
 //! one tracker wait for each other. After `fork` a tracker of several threads refuses its calls in
 //! the child, since its threads exist in the parent only.
 //!
-//! This is the only crate besides the kernels that is not `forbid(unsafe_code)`: a C caller's
-//! pointers cannot be used otherwise. All of that code is in this file and in `src/model.rs`,
-//! nothing but the boundary is there, and each block states what it relies on.
+//! This is the only crate besides the kernels without `forbid(unsafe_code)`, because pointers of a
+//! C caller cannot be used otherwise. All unsafe code is in this file and in `src/model.rs`, which
+//! hold only the boundary, and each block states what it relies on.
+
+#![allow(
+    non_camel_case_types,
+    reason = "the types have the names that the C header gives them"
+)]
 
 mod failure;
 mod flight;
@@ -36,7 +41,6 @@ pub use model::{track_cpu_model, track_cpu_model_destroy, track_cpu_model_load};
 /// A box in pixels: left, top, width, height.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[allow(non_camel_case_types)]
 pub struct track_cpu_box {
     /// Left edge.
     pub x: f32,
@@ -48,10 +52,9 @@ pub struct track_cpu_box {
     pub h: f32,
 }
 
-/// A picture that the caller keeps.
+/// A picture in the caller's memory.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
-#[allow(non_camel_case_types)]
 pub struct track_cpu_image {
     /// `height` rows, `stride` bytes apart.
     pub data: *const u8,
@@ -66,12 +69,11 @@ pub struct track_cpu_image {
 }
 
 /// A tracker; C knows it by its address only.
-#[allow(non_camel_case_types)]
 pub struct track_cpu_tracker {
     target: Shared<Target>,
 }
 
-/// The tracker and what it last said; one call at a time uses them.
+/// A tracker and its last score. One call at a time uses them.
 struct Target {
     tracker: Mode,
     score: f32,
@@ -184,7 +186,7 @@ unsafe fn create(
     })
 }
 
-/// The model that a caller holds.
+/// The model behind a caller's pointer.
 ///
 /// # Safety
 /// `model` is null or a model.
@@ -194,6 +196,7 @@ unsafe fn shared(model: *const track_cpu_model) -> Result<Model, Failure> {
     Ok(held.model.clone())
 }
 
+/// A tracker without flight mode.
 fn plain(model: Model, threads: usize) -> Result<Mode, Failure> {
     let options = TrackerOptions {
         threads,
@@ -202,18 +205,19 @@ fn plain(model: Model, threads: usize) -> Result<Mode, Failure> {
     Ok(Mode::Plain(Box::new(Tracker::with_options(model, options))))
 }
 
+/// A tracker in flight mode, with the default options unless others are given.
 fn flying(
     model: Model,
     threads: usize,
     options: Option<&track_cpu_flight_options>,
 ) -> Result<Mode, Failure> {
-    let usual = FlightOptions {
+    let defaults = FlightOptions {
         threads,
         ..FlightOptions::new(&model)
     };
     let options = match options {
-        Some(options) => options.over(usual)?,
-        None => usual,
+        Some(options) => options.apply_to(defaults)?,
+        None => defaults,
     };
     Ok(Mode::Flight(Box::new(FlightTracker::new(model, options)?)))
 }
@@ -235,8 +239,8 @@ pub unsafe extern "C" fn track_cpu_flight_defaults(out: *mut track_cpu_flight_op
 /// Takes what is inside a box as the target, forgetting any earlier one.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `image`
-/// and `target` are null or may be read, and so may the picture's bytes.
+/// `tracker` is null or was made by [`track_cpu_create`] or a similar function and is not
+/// destroyed; `image` and `target` are null or may be read, and so may the picture's bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_init(
     tracker: *mut track_cpu_tracker,
@@ -338,13 +342,13 @@ pub unsafe extern "C" fn track_cpu_update_flight(
             Budget::Deadline(deadline)
         };
         let mut held = tracker.target.lock()?;
-        let Mode::Flight(flying) = &mut held.tracker else {
+        let Mode::Flight(tracker) = &mut held.tracker else {
             return Err(Failure::Mode);
         };
         let track = if elapsed.is_zero() {
-            flying.update(&frame, budget)?
+            tracker.update(&frame, budget)?
         } else {
-            flying.update_after(elapsed, &frame, budget)?
+            tracker.update_after(elapsed, &frame, budget)?
         };
         held.score = track.presence;
         *out = track.into();
@@ -356,9 +360,9 @@ pub unsafe extern "C" fn track_cpu_update_flight(
 /// and their number.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create_flight`] or its kin and is not destroyed;
-/// `candidates` is null or `capacity` of them may be written there; `count` is null or may be
-/// written to.
+/// `tracker` is null or was made by [`track_cpu_create_flight`] or a similar function and is not
+/// destroyed; `candidates` is null or `capacity` of them may be written there; `count` is null or
+/// may be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_candidates(
     tracker: *const track_cpu_tracker,
@@ -375,10 +379,10 @@ pub unsafe extern "C" fn track_cpu_candidates(
             return Err(Failure::Null("candidates"));
         }
         let held = tracker.target.lock()?;
-        let Mode::Flight(flying) = &held.tracker else {
+        let Mode::Flight(tracker) = &held.tracker else {
             return Err(Failure::Mode);
         };
-        let found = flying.candidates();
+        let found = tracker.candidates();
         let written = found.len().min(capacity as usize);
         for (i, candidate) in found[..written].iter().enumerate() {
             // SAFETY: it is not null, and `i` is below `capacity`, up to which the caller promises
@@ -393,8 +397,8 @@ pub unsafe extern "C" fn track_cpu_candidates(
 /// Writes how sure the tracker is of the last box, 0 to 1.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is not destroyed; `out` is
-/// null or may be written to.
+/// `tracker` is null or was made by [`track_cpu_create`] or a similar function and is not
+/// destroyed; `out` is null or may be written to.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out: *mut f32) -> i32 {
     guarded(|| {
@@ -407,11 +411,11 @@ pub unsafe extern "C" fn track_cpu_score(tracker: *const track_cpu_tracker, out:
     })
 }
 
-/// Ends a tracker; a no-op for null.
+/// Destroys a tracker; does nothing for null.
 ///
 /// # Safety
-/// `tracker` is null or was made by [`track_cpu_create`] or its kin and is neither in use nor used
-/// again.
+/// `tracker` is null or was made by [`track_cpu_create`] or a similar function and is neither in
+/// use nor used again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn track_cpu_destroy(tracker: *mut track_cpu_tracker) {
     guarded(|| {
@@ -465,7 +469,7 @@ unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
     let (width, height) = (width as usize, height as usize);
     let row = width.saturating_mul(order.bytes_per_pixel());
     let stride = if stride == 0 { row } else { stride };
-    // Sizes that no frame has are refused before a slice of that length could be made.
+    // Sizes that no frame can have are refused before a slice of that length is made.
     let sides = 1..=Frame::MAX_SIDE;
     let length = stride
         .checked_mul(height.saturating_sub(1))
@@ -474,7 +478,7 @@ unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
         Some(length) if sides.contains(&width) && sides.contains(&height) && stride >= row => {
             length
         }
-        // Says what is wrong.
+        // `Frame` refuses these sizes and says which is wrong.
         _ => return Ok(Frame::with_stride(&[], width, height, stride, order)?),
     };
     // SAFETY: it is not null; the caller promises that the bytes of its rows may be read, and they

@@ -6,7 +6,6 @@ use std::path::Path;
 use track_cpu::{Isa, Model, Precision};
 
 /// A model; C knows it by its address only.
-#[allow(non_camel_case_types)]
 pub struct track_cpu_model {
     pub(crate) model: Model,
 }
@@ -45,7 +44,7 @@ pub unsafe extern "C" fn track_cpu_model_load(
     })
 }
 
-/// Ends a model; a no-op for null. Trackers made from it go on.
+/// Destroys a model; does nothing for null. Trackers made from it keep working.
 ///
 /// # Safety
 /// `model` is null or was made by [`track_cpu_model_load`] and is neither in use nor used again.

@@ -1,5 +1,5 @@
 /* Calls every function of track_cpu.h as a careful and as a careless program would; prints
- * "passed". Made to run under the address sanitizer, which tells of wrong frees and of leaks. */
+ * "passed". Made to run under the address sanitizer, which reports wrong frees and leaks. */
 
 #define _DEFAULT_SOURCE /* MAP_ANONYMOUS */
 #include <track_cpu.h>
@@ -24,7 +24,7 @@
     } while (0)
 
 /* A picture whose last byte is the last one before a page that cannot be read: the library is not
- * compiled with the sanitizer, so that only this page tells of a byte read behind the picture. */
+ * compiled with the sanitizer, so that only this page detects a read past the picture. */
 struct picture {
     uint8_t *pixels;
     void *pages;
