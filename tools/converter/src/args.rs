@@ -12,8 +12,8 @@ use weights_format::Storage;
 /// that only training needs are ignored and listed.
 ///
 /// `--to trainer` keeps them apart: what it writes, `train fit --init` and `train prune` take.
-/// `--to pytorch` goes the other way, from one of our files to a state dict under video_analyst's
-/// names, in a .pth or .safetensors file.
+/// `--to pytorch` goes the other way, from a file of this project to a state dict under
+/// video_analyst's names, in a .pth or .safetensors file.
 #[derive(Debug, Parser)]
 #[command(version, after_help = program::exit_help())]
 pub struct Args {
@@ -35,7 +35,7 @@ pub struct Args {
     /// Name of the model [default: that of the checkpoint].
     #[arg(long)]
     pub name: Option<String>,
-    /// The encoder E2 has no ReLU (no tensor tells).
+    /// The encoder E2 has no ReLU. The tensors do not say whether it has.
     #[arg(long)]
     pub encoder_linear: bool,
 }
@@ -61,7 +61,7 @@ pub enum Dtype {
 }
 
 impl Args {
-    /// What the library needs to know of them.
+    /// The options of the conversion.
     pub fn options(&self) -> Options {
         Options {
             name: self.name.clone(),

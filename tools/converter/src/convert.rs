@@ -17,7 +17,7 @@ use weights_format::{
     Architecture, Header, InputNormalization, Layer, Provenance, Storage, Tensor, Unfolded, Weights,
 };
 
-/// What the checkpoint does not say.
+/// Choices that the checkpoint does not determine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Name of the model; that of the file where `None`.
@@ -38,25 +38,25 @@ impl Default for Options {
     }
 }
 
-/// What became of a checkpoint.
+/// A converted checkpoint.
 #[derive(Clone, Debug)]
 pub struct Conversion {
     /// The deployed network, complete and checked.
     pub weights: Weights,
-    /// Tensors that only training needs, and whatever lies beside the state dict.
+    /// Tensors that only training needs, and everything beside the state dict.
     pub ignored: Vec<String>,
-    /// Tensors that belong to nothing we know.
+    /// Tensors that belong to no known network.
     pub unknown: Vec<String>,
 }
 
-/// What became of a checkpoint that was not folded.
+/// A converted checkpoint without folding.
 #[derive(Clone, Debug)]
 pub struct Unfolding {
     /// The network as it is trained, complete and checked.
     pub unfolded: Unfolded,
-    /// Tensors that only training needs, and whatever lies beside the state dict.
+    /// Tensors that only training needs, and everything beside the state dict.
     pub ignored: Vec<String>,
-    /// Tensors that belong to nothing we know.
+    /// Tensors that belong to no known network.
     pub unknown: Vec<String>,
 }
 
@@ -65,28 +65,14 @@ pub struct Unfolding {
 /// # Errors
 /// [`Error::Unreadable`] or [`Error::Refused`], with the path.
 pub fn convert(path: &Path, options: &Options) -> Result<Conversion, Error> {
-    let bytes = read(path).map_err(|error| Error::Unreadable {
-        path: path.into(),
-        error,
-    })?;
-    let file = |part: Option<&std::ffi::OsStr>| brief(part.unwrap_or_default().to_string_lossy());
-    let name = options
-        .name
-        .clone()
-        .unwrap_or_else(|| file(path.file_stem()));
-    let mut conversion = convert_bytes(
-        &bytes,
-        &Options {
-            name: Some(name),
-            ..options.clone()
-        },
-    )
-    .map_err(|refusal| Error::Refused {
-        path: path.into(),
-        refusal,
-    })?;
-    conversion.weights.header.provenance.source =
-        format!("PyTorch checkpoint {}", file(path.file_name()));
+    let bytes = read_file(path)?;
+    let stem = || brief(path.file_stem().unwrap_or_default().to_string_lossy());
+    let options = Options {
+        name: Some(options.name.clone().unwrap_or_else(stem)),
+        ..options.clone()
+    };
+    let mut conversion = convert_bytes(&bytes, &options).map_err(refused(path))?;
+    conversion.weights.header.provenance.source = source(path);
     Ok(conversion)
 }
 
@@ -140,20 +126,13 @@ pub fn convert_bytes(bytes: &[u8], options: &Options) -> Result<Conversion, Refu
 /// # Errors
 /// [`Error::Unreadable`] or [`Error::Refused`], with the path.
 pub fn unfold(path: &Path, options: &Options) -> Result<Unfolding, Error> {
-    let bytes = read(path).map_err(|error| Error::Unreadable {
-        path: path.into(),
-        error,
-    })?;
-    let mut unfolding = unfold_bytes(&bytes, options).map_err(|refusal| Error::Refused {
-        path: path.into(),
-        refusal,
-    })?;
-    let file = path.file_name().unwrap_or_default().to_string_lossy();
-    unfolding.unfolded.source = format!("PyTorch checkpoint {}", brief(file));
+    let bytes = read_file(path)?;
+    let mut unfolding = unfold_bytes(&bytes, options).map_err(refused(path))?;
+    unfolding.unfolded.source = source(path);
     Ok(unfolding)
 }
 
-/// The same from memory.
+/// As [`unfold`], from memory.
 ///
 /// # Errors
 /// As [`convert_bytes`].
@@ -216,7 +195,7 @@ pub fn unfold_bytes(bytes: &[u8], options: &Options) -> Result<Unfolding, Refusa
     })
 }
 
-/// A checkpoint whose network is known.
+/// A checkpoint and the network that it holds.
 struct Opened<'a> {
     checkpoint: Checkpoint<'a>,
     encoder: Option<EncoderNames>,
@@ -241,7 +220,7 @@ fn open<'a>(bytes: &'a [u8], options: &Options) -> Result<Opened<'a>, Refusal> {
     })
 }
 
-/// A layer with everything folded in that follows it.
+/// A layer with its batch normalization and the scalars of the head folded in.
 fn fold(
     checkpoint: &mut Checkpoint,
     layer: &Layer,
@@ -290,8 +269,8 @@ fn fold(
 
 /// What was not converted: ignored and unknown.
 ///
-/// A tensor that says it is of the network but has no place in it would change what the network
-/// computes: refused.
+/// A tensor under a name of the network that has no place in this one is refused: it would change
+/// what the network computes.
 fn rest(
     checkpoint: &Checkpoint,
     layers: &[Layer],
@@ -324,6 +303,28 @@ fn rest(
         }
     }
     Ok((ignored, unknown))
+}
+
+/// The bytes of the checkpoint at `path`.
+fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
+    read(path).map_err(|error| Error::Unreadable {
+        path: path.into(),
+        error,
+    })
+}
+
+/// Adds the path to a refusal.
+fn refused(path: &Path) -> impl FnOnce(Refusal) -> Error + '_ {
+    move |refusal| Error::Refused {
+        path: path.into(),
+        refusal,
+    }
+}
+
+/// Where the weights of the checkpoint at `path` come from.
+fn source(path: &Path) -> String {
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    format!("PyTorch checkpoint {}", brief(file))
 }
 
 /// Reads no more than one byte beyond the bound, whatever a file's metadata say about its length.

@@ -1,4 +1,4 @@
-//! What can go wrong, grouped by who is at fault.
+//! What can go wrong: the input, the checkpoint's content, the output, or an option.
 
 use std::{io, path::PathBuf};
 pub(crate) use weights_format::brief;
@@ -7,12 +7,12 @@ use weights_format::{ReadError, WriteError};
 /// Why a checkpoint was not converted.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The operating system would not give us the checkpoint.
+    /// The checkpoint cannot be read.
     #[error("{}: cannot be read: {error}", path.display())]
     Unreadable {
         /// The checkpoint.
         path: PathBuf,
-        /// What the operating system said.
+        /// The system's reason.
         error: io::Error,
     },
     /// The checkpoint is not one, or not one of this network.
@@ -23,10 +23,10 @@ pub enum Error {
         /// What is wrong with it.
         refusal: Refusal,
     },
-    /// One of our own files is not one, or not whole.
+    /// A weights file, trainer checkpoint or parameter file cannot be read.
     #[error(transparent)]
-    Ours(#[from] ReadError),
-    /// The operating system would not take the file.
+    Input(#[from] ReadError),
+    /// The file cannot be written.
     #[error(transparent)]
     Unwritable(#[from] WriteError),
     /// An option makes no sense, alone or with the others.

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn folded_equals_unfolded() {
+    fn folded_convolution_equals_convolution_and_normalization() {
         let shape @ [outputs, channels, rows, columns] = [5, 3, 3, 2];
         let mut conv = Convolution {
             shape,
@@ -138,7 +138,7 @@ mod tests {
                 "{found} is not {expected}"
             );
         }
-        // The same in our layout: [Cout, kh, kw, Cin] on a patch [kh, kw, Cin].
+        // The same in the layout of a weights file: [Cout, kh, kw, Cin] on a patch [kh, kw, Cin].
         let ohwi = conv.weight_ohwi();
         for o in 0..outputs {
             for (r, c, i) in (0..rows)

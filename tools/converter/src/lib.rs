@@ -2,18 +2,18 @@
 //!
 //! | file | what is in it |
 //! |---|---|
-//! | `convert` | the story: checkpoint, architecture, folding, weights |
-//! | `pytorch` | the other way: our networks as a state dict |
+//! | `convert` | the conversion: checkpoint, architecture, folding, weights. Start reading here |
+//! | `pytorch` | the way back: a network as a state dict |
 //! | `architecture` | the network that a checkpoint's tensors describe |
-//! | `names` | PyTorch's parameter names, and ours |
+//! | `names` | parameter names in PyTorch and in a weights file |
 //! | `fold` | batch normalization and the head's scalars, folded into convolutions |
 //! | `checkpoint` | zip archives and legacy streams as named tensors |
 //! | `checkpoint/pickle` | pickle read as data |
 //! | `checkpoint/torch` | storages, tensors and the functions that rebuild them |
-//! | `report` | tables for people |
+//! | `report` | the table of layers, and the effect of rounding |
 //!
 //! A checkpoint is untrusted: nothing in it is executed, every size is bounded before it is
-//! used, and whatever is wrong with it is an error that says where.
+//! used, and every defect is an error that says where it is.
 
 #![forbid(unsafe_code)]
 

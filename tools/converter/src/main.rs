@@ -36,17 +36,17 @@ fn exit(error: &Error) -> Exit {
     match error {
         Error::Usage(_) => Exit::Usage,
         Error::Unreadable { .. } => Exit::Input,
-        Error::Ours(ReadError::File { error, .. }) if matches!(**error, ReadError::Io(_)) => {
+        Error::Input(ReadError::File { error, .. }) if matches!(**error, ReadError::Io(_)) => {
             Exit::Input
         }
         Error::Refused { .. }
-        | Error::Ours(_)
+        | Error::Input(_)
         | Error::Unwritable(WriteError::Invalid(_) | WriteError::Overflow { .. }) => Exit::Model,
         Error::Unwritable(WriteError::Io { .. }) => Exit::Output,
     }
 }
 
-/// What there is to say on standard output.
+/// Does what the arguments ask for and returns the text for standard output.
 fn run(args: &Args) -> Result<String, Error> {
     if let Some(out) = &args.out {
         check_outputs(&[("--out", out)], &[&args.checkpoint])
@@ -96,7 +96,8 @@ fn to_pytorch(args: &Args) -> Result<String, Error> {
         eprintln!(
             "batch normalization is folded into this file's convolutions: its layers are \
              written as ones that change nothing (weight 1, bias 0, mean 0, variance 0.99999). \
-             Evaluation is the same; before training on, convert a checkpoint of the trainer instead"
+             Evaluation is the same; to continue training, convert a checkpoint of the trainer \
+             instead"
         );
     }
     match &args.out {
@@ -116,7 +117,7 @@ fn to_pytorch(args: &Args) -> Result<String, Error> {
     }
 }
 
-/// Says what is not converted.
+/// Lists on standard error what is not converted.
 fn left_out(ignored: &[String], unknown: &[String]) {
     for (what, names) in [
         ("ignored", ignored),
@@ -141,7 +142,7 @@ fn to_weights(args: &Args) -> Result<String, Error> {
         .map_or("none of 0.0 to 0.9".into(), |ratio| ratio.to_string());
     let mut text = String::new();
     if args.dry_run {
-        // As strict as the real thing: what cannot be written is refused here too.
+        // As strict as a real run: what cannot be written is refused here too.
         weights.to_bytes().map_err(Error::Unwritable)?;
         text += &format!("{}\npruning ratio {ratio}\n", Table(&header.architecture));
     } else if let Some(out) = &args.out {

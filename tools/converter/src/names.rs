@@ -1,4 +1,4 @@
-//! PyTorch's parameter names, and ours: the only file that knows the former.
+//! Parameter names in PyTorch and in this project's files. Only this file knows PyTorch's.
 //!
 //! Source: docs/method.md, section 1.5 (`state_dict` of video_analyst's SiamTrack), with `dr.e2.*`
 //! for the encoder.
@@ -114,7 +114,7 @@ impl EncoderNames {
     }
 }
 
-/// PyTorch's name for our layer `layer`, to which `.conv.weight` and so on are appended.
+/// PyTorch's name for `layer`, to which `.conv.weight` and so on are appended.
 pub fn prefix(layer: &str, encoder: Option<EncoderNames>) -> String {
     let fixed = match layer {
         "neck.template_cls" => "c_z_k",
@@ -146,13 +146,13 @@ pub fn prefix(layer: &str, encoder: Option<EncoderNames>) -> String {
     }
 }
 
-/// Names of a convolution's parameters behind its prefix.
+/// Names of a convolution's parameters after its prefix.
 pub const CONVOLUTION: [&str; 2] = ["conv.weight", "conv.bias"];
 
-/// Names of a batch normalization's parameters behind its prefix: scale, shift, mean, variance.
+/// Names of a batch normalization's parameters after its prefix: scale, shift, mean, variance.
 pub const BATCH_NORM: [&str; 4] = ["bn.weight", "bn.bias", "bn.running_mean", "bn.running_var"];
 
-/// Ours for the same, behind a layer's name.
+/// The names of the same parameters in this project's files, after a layer's name.
 pub const OUR_BATCH_NORM: [&str; 4] = ["bn.scale", "bn.shift", "bn.mean", "bn.variance"];
 
 /// A counter beside them that nothing depends on; old files lack it.

@@ -1,7 +1,7 @@
-//! Tables for people.
+//! The table of layers, and the effect of rounding to f16.
 
 use std::fmt::{self, Display, Formatter};
-use weights_format::{Architecture, LayerKind, Weights};
+use weights_format::{Architecture, Layer, LayerKind, Weights};
 
 /// A network layer by layer: kernel, channels, output sides, parameters as papers count them,
 /// multiply-accumulates.
@@ -10,89 +10,82 @@ pub struct Table<'a>(pub &'a Architecture);
 
 impl Display for Table<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let mut row = |name: &str, cells: [String; 6]| {
-            let [kernel, channels, out, parameters, search, template] = cells;
-            writeln!(
-                f,
-                "{name:<22}{kernel:>8}{channels:>12}{out:>10}{parameters:>13}{search:>16}{template:>14}"
-            )
-        };
-        row(
-            "layer",
-            [
-                "kernel",
-                "channels",
-                "out z/x",
-                "parameters",
-                "MAC search",
-                "MAC template",
-            ]
-            .map(String::from),
-        )?;
+        let names = [
+            "kernel",
+            "channels",
+            "out z/x",
+            "parameters",
+            "MAC search",
+            "MAC template",
+        ];
+        row(f, "layer", names.map(String::from))?;
         for layer in self.0.layers() {
-            let side = |side| {
-                if side == 0 {
-                    "-".into()
-                } else {
-                    format!("{side}")
-                }
-            };
-            let stride = if layer.stride == 1 {
-                String::new()
-            } else {
-                format!("/{}", layer.stride)
-            };
-            let pad = if layer.pad == 0 {
-                String::new()
-            } else {
-                format!("+{}", layer.pad)
-            };
-            let kernel = match layer.kind {
-                LayerKind::Conv | LayerKind::Correlation => {
-                    format!("{0}x{0}{stride}{pad}", layer.kernel)
-                }
-                LayerKind::Pool => format!("max {0}{stride}", layer.kernel),
-            };
-            let channels = format!("{} > {}", layer.in_channels, layer.out_channels);
-            let out = format!("{}/{}", side(layer.out_template), side(layer.out_search));
-            let counts = [
-                layer.parameters() as u64,
-                layer.macs_search(),
-                layer.macs_template(),
-            ];
-            let [parameters, search, template] = counts.map(thousands);
-            row(
-                &layer.name,
-                [kernel, channels, out, parameters, search, template],
-            )?;
+            row(f, &layer.name, cells(&layer))?;
         }
-        row(
-            "head.si, head.bi",
-            ["", "", "", "2", "0", "0"].map(String::from),
-        )?;
-        let totals = [
+        let scalars = ["", "", "", "2", "0", "0"];
+        row(f, "head.si, head.bi", scalars.map(String::from))?;
+        let [parameters, search, template] = [
             self.0.parameters() as u64,
             self.0.macs_search(),
             self.0.macs_template(),
-        ];
-        let [parameters, search, template] = totals.map(thousands);
+        ]
+        .map(thousands);
+        let empty = String::new;
         row(
+            f,
             "total",
-            [
-                String::new(),
-                String::new(),
-                String::new(),
-                parameters,
-                search,
-                template,
-            ],
+            [empty(), empty(), empty(), parameters, search, template],
         )
     }
 }
 
-/// How much rounding its weights to f16 changes the layer that suffers most: its tensor's name and
-/// the relative error (root of the sum of squares). Below about 0.001 for weights of ordinary size;
-/// more where they are subnormal in f16.
+/// Writes one row of the table.
+fn row(f: &mut Formatter<'_>, name: &str, cells: [String; 6]) -> fmt::Result {
+    let [kernel, channels, out, parameters, search, template] = cells;
+    writeln!(
+        f,
+        "{name:<22}{kernel:>8}{channels:>12}{out:>10}{parameters:>13}{search:>16}{template:>14}"
+    )
+}
+
+/// The cells of a layer's row.
+fn cells(layer: &Layer) -> [String; 6] {
+    let unless = |hidden: usize, mark: &str, n: usize| {
+        if n == hidden {
+            String::new()
+        } else {
+            format!("{mark}{n}")
+        }
+    };
+    let stride = unless(1, "/", layer.stride);
+    let kernel = match layer.kind {
+        LayerKind::Conv | LayerKind::Correlation => {
+            format!(
+                "{0}x{0}{stride}{1}",
+                layer.kernel,
+                unless(0, "+", layer.pad)
+            )
+        }
+        LayerKind::Pool => format!("max {}{stride}", layer.kernel),
+    };
+    let channels = format!("{} > {}", layer.in_channels, layer.out_channels);
+    let side = |side: usize| match side {
+        0 => "-".to_owned(),
+        side => side.to_string(),
+    };
+    let out = format!("{}/{}", side(layer.out_template), side(layer.out_search));
+    let [parameters, search, template] = [
+        layer.parameters() as u64,
+        layer.macs_search(),
+        layer.macs_template(),
+    ]
+    .map(thousands);
+    [kernel, channels, out, parameters, search, template]
+}
+
+/// The tensor that rounding to f16 changes most, and its relative error (root of the sum of
+/// squares). The error is below about 0.001 unless the weights are so small that they are subnormal
+/// in f16.
 pub fn f16_rounding(weights: &Weights) -> (&str, f64) {
     let error = |data: &[f32]| {
         let (mut lost, mut all) = (0.0, 0.0);
@@ -137,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_ends_in_the_totals_of_the_spec() {
+    fn table_ends_in_the_parameter_count_of_the_paper() {
         let architecture = Architecture::new(Widths::pruned(0.5), Some(Encoder::standard(128)));
         let table = Table(&architecture).to_string();
         let cells = |name: &str| -> Vec<String> {

@@ -100,7 +100,7 @@ fn same_network(weights: &Weights, dict: &StateDict, encoder: &[(&str, &str)], t
 }
 
 #[test]
-fn folded_equals_unfolded() {
+fn converted_network_computes_what_the_checkpoint_does() {
     let dict = network_with_encoder();
     let conversion = convert(&checkpoint(&dict, PLAIN));
     same_network(&conversion.weights, &dict, &[("dr.e2", "dr.e2.0")], 1e-5);
@@ -168,7 +168,7 @@ fn state_dict_in_any_container_and_wrapper_gives_the_same_weights() {
 }
 
 #[test]
-fn every_floating_point_type() {
+fn weights_of_every_floating_point_type_are_read() {
     let dict = network();
     for (dtype, tolerance) in [("Double", 1e-5), ("Half", 3e-2), ("BFloat16", 2e-1)] {
         let form = Form {
@@ -198,7 +198,7 @@ fn every_floating_point_type() {
 }
 
 #[test]
-fn strides_and_offsets() {
+fn tensor_with_strides_and_an_offset_is_read() {
     // conv2 in channels-last order, 10 elements into a storage that it shares with nothing.
     let dict = network();
     let name = "basemodel.conv2.conv.weight";
@@ -231,10 +231,10 @@ fn strides_and_offsets() {
     );
 }
 
-/// A network behind an encoder of these convolutions: name, inputs, kernel.
+/// A network with an encoder of these convolutions: name, inputs, kernel.
 fn network_with(encoder: &[(&str, usize, usize)]) -> StateDict {
     let wide = 6;
-    let mut dict = network_behind(wide);
+    let mut dict = network_of_width(wide);
     for &(name, inputs, kernel) in encoder {
         add_layer(&mut dict, name, [wide, inputs, kernel, kernel], true);
     }
@@ -320,7 +320,7 @@ fn training_networks_are_ignored_and_strangers_reported() {
 }
 
 #[test]
-fn deflated_entries_and_other_roots() {
+fn deflated_archive_without_a_root_folder_is_read() {
     let (pickle, storages) = pickle(&network(), PLAIN);
     let entries = storages
         .into_iter()
@@ -331,7 +331,7 @@ fn deflated_entries_and_other_roots() {
 }
 
 #[test]
-fn newer_protocols() {
+fn pickle_of_protocol_4_is_read() {
     // Protocol 4: a frame, short strings, memoized, STACK_GLOBAL.
     let short = |text: &str| [&[0x8c, text.len() as u8], text.as_bytes(), &[0x94]].concat();
     let dict = [
@@ -363,7 +363,7 @@ fn beside(dict: &StateDict, beside: &str, object: impl FnOnce(Pickle) -> Pickle)
 }
 
 #[test]
-fn objects_of_unknown_classes_beside_the_state_dict_are_passed_over() {
+fn objects_of_unknown_classes_beside_the_state_dict_are_ignored() {
     let dict = network();
     let expected = convert(&checkpoint(&dict, PLAIN)).weights;
     let namespace = |p: Pickle| {

@@ -1,5 +1,4 @@
-//! Checkpoints that want more than to be read: each is refused with a message that names what is
-//! wrong.
+//! Malicious and damaged checkpoints: each is refused with a message that names what is wrong.
 
 mod common;
 
@@ -39,7 +38,7 @@ fn tensor(elements: i64, offset: i64, shape: &[i64], strides: &[i64]) -> Vec<u8>
 }
 
 #[test]
-fn globals_and_calls() {
+fn globals_that_run_code_and_calls_of_unknown_ones_are_refused() {
     let p = Pickle::new;
     let call = |module: &str, name: &str| {
         only(p().global(module, name).text("touch /tmp/x").raw(b"\x85R"))
@@ -168,7 +167,7 @@ fn globals_and_calls() {
 }
 
 #[test]
-fn pickles() {
+fn malformed_pickles_are_refused() {
     let p = Pickle::new;
     let long = [&[0x80, 2][..], &b"N0".repeat(3 << 20)].concat();
     for (what, bytes, expected) in [
@@ -253,7 +252,7 @@ fn pickles() {
             "at most 2097152 bytes, found 6291458",
         ),
         (
-            "more behind the end",
+            "more after the end",
             zip(&p().raw(b"}.").stop(), &[]),
             "data.pkl: expected 4 bytes",
         ),
@@ -320,7 +319,7 @@ fn pickles() {
 }
 
 #[test]
-fn storages_and_strides() {
+fn tensors_outside_their_storage_are_refused() {
     let p = Pickle::new;
     let within = "tensor: expected elements within its storage of 12";
     let id = |parts: &dyn Fn(Pickle) -> Pickle| only(parts(p().raw(b"(")).raw(b"tQ"));
@@ -450,7 +449,7 @@ fn storages_and_strides() {
 }
 
 #[test]
-fn containers() {
+fn malformed_archives_are_refused() {
     let dict = network();
     let (pickle, storages) = pickle(&dict, PLAIN);
     let good = zip(&pickle, &storages);
@@ -572,7 +571,7 @@ fn decompression_is_bounded() {
         &bomb,
         "zip entry \"net/data/3\": expected at most",
     );
-    // The same with a size in the directory that lies.
+    // The same, with a false size in the directory.
     let real = (64_u32 << 20).to_le_bytes();
     let places: Vec<_> = bomb
         .windows(4)
@@ -588,7 +587,7 @@ fn decompression_is_bounded() {
 }
 
 #[test]
-fn legacy_streams() {
+fn malformed_legacy_streams_are_refused() {
     let form = Form {
         legacy: true,
         ..PLAIN
@@ -630,7 +629,7 @@ fn legacy_streams() {
             "little_endian = true, found false",
         ),
         (
-            "nothing behind",
+            "nothing after the header",
             start.clone(),
             "from byte 70: pickle, byte 0",
         ),
@@ -681,9 +680,9 @@ fn legacy_streams() {
             "storage \"counter\": expected 8 bytes, found the end after 7",
         ),
         (
-            "more behind",
+            "more after the last storage",
             [&good[..], &[0]].concat(),
-            "expected its end behind the last storage, found 1 more bytes",
+            "expected its end after the last storage, found 1 more bytes",
         ),
     ] {
         refused(what, &bytes, expected);
@@ -691,7 +690,7 @@ fn legacy_streams() {
 }
 
 #[test]
-fn networks() {
+fn tensors_of_another_network_are_refused() {
     let with = |change: &dyn Fn(&mut StateDict)| {
         let mut dict = network_with_encoder();
         change(&mut dict);
@@ -858,13 +857,13 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(500))]
 
     #[test]
-    fn truncated_anywhere(at in any::<Index>(), legacy in any::<bool>()) {
+    fn checkpoint_cut_anywhere_is_refused(at in any::<Index>(), legacy in any::<bool>()) {
         let bytes = checkpoint(&network(), Form { legacy, ..PLAIN });
         prop_assert!(convert_bytes(&bytes[..at.index(bytes.len())], &Options::default()).is_err());
     }
 
     #[test]
-    fn bytes_changed(
+    fn changed_bytes_cause_no_panic(
         changes in prop::collection::vec((any::<Index>(), any::<u8>()), 1..5),
         legacy in any::<bool>(),
     ) {
@@ -877,7 +876,7 @@ proptest! {
     }
 
     #[test]
-    fn bytes_of_the_pickle_changed(
+    fn changed_bytes_of_the_pickle_cause_no_panic(
         changes in prop::collection::vec((any::<Index>(), any::<u8>()), 1..4),
     ) {
         let (mut pickle, storages) = pickle(&network(), PLAIN);
@@ -889,7 +888,7 @@ proptest! {
     }
 
     #[test]
-    fn opcodes_at_random(
+    fn random_opcodes_cause_no_panic(
         opcodes in prop::collection::vec(prop::sample::select(&b"\x80\x95(N\x88\x89JKM\x8aGXT\x8cU}])t\x85\x86\x87aesuqr\x94hjc\x93RbQ.\x00\x01\x02\n"[..]), 0..200),
     ) {
         let _ = convert_bytes(&zip(&[&opcodes[..], b"."].concat(), &[]), &Options::default());

@@ -90,7 +90,7 @@ fn safetensors_state_dict_comes_back_as_the_same_weights() {
 }
 
 #[test]
-fn there_and_back_again_is_bit_by_bit() {
+fn round_trip_keeps_every_bit() {
     let folder = Folder::new("roundtrip");
     for dict in [network_with_encoder(), network()] {
         let [theirs, ours, again, twice] =
@@ -122,7 +122,7 @@ fn there_and_back_again_is_bit_by_bit() {
 }
 
 #[test]
-fn the_full_network_has_the_tensors_of_the_reference() {
+fn full_network_has_the_tensors_of_the_reference() {
     let architecture = Architecture::new(Widths::pruned(0.8), None);
     let dict = StateDict::of_weights(&Weights::random(architecture, 1));
     assert_eq!(dict.entries.len(), 108); // docs/method.md, section 1.5
@@ -187,7 +187,7 @@ fn folded_weights_come_with_normalizations_that_change_nothing() {
 }
 
 #[test]
-fn the_program_says_what_it_does() {
+fn program_reports_what_it_writes_and_refuses() {
     let folder = Folder::new("said");
     let names = ["w.safetensors", "w.pth", "again.pth", "w.onnx"];
     let [weights, pth, again, other] = names.map(|name| folder.at(name));
@@ -243,7 +243,7 @@ fn python() -> Option<String> {
 }
 
 #[test]
-fn torch_loads_it_without_trusting_it() {
+fn torch_loads_the_file_with_weights_only() {
     let Some(python) = python() else { return };
     let folder = Folder::new("torch");
     let dict = network_with_encoder();

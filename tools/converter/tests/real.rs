@@ -16,7 +16,7 @@ fn probe() -> Option<PathBuf> {
 }
 
 #[test]
-fn a_real_checkpoint() {
+fn checkpoint_of_pytorch_is_converted() {
     let Some(path) = probe() else { return };
     let conversion = convert(&path, &Options::default()).unwrap();
     assert_eq!(conversion.ignored, ["epoch"]);
@@ -56,7 +56,7 @@ fn text(bytes: &[u8]) -> &str {
 }
 
 #[test]
-fn the_program_converts() {
+fn program_writes_weights_and_lists_what_it_ignores() {
     let folder = Folder::new("program");
     let [checkpoint, out] = ["small.pth", "small.safetensors"].map(|name| folder.at(name));
     let mut dict = common::network_with_encoder();
@@ -107,7 +107,7 @@ fn the_program_converts() {
 }
 
 #[test]
-fn the_program_says_who_is_at_fault() {
+fn program_ends_with_the_exit_code_of_the_fault() {
     let folder = Folder::new("codes");
     let path = |name: &str| folder.at(name);
     let (good, bad, large) = (path("good.pth"), path("bad.pth"), path("large.pth"));

@@ -124,7 +124,7 @@ impl Stream<'_> {
             0 => Ok(ranges),
             more => Err(Refusal::new(
                 "file",
-                "its end behind the last storage",
+                "its end after the last storage",
                 format!("{more} more bytes"),
             )),
         }

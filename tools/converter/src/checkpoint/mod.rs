@@ -65,7 +65,7 @@ impl<'a> Checkpoint<'a> {
         self.tensors.keys().map(String::as_str)
     }
 
-    /// Keys of whatever else lies beside the tensors and beside the state dict.
+    /// Keys of everything else, beside the tensors and beside the state dict.
     pub fn others(&self) -> &[String] {
         &self.others
     }
@@ -134,13 +134,13 @@ fn insert(
 
 /// Most dicts within each other that a state dict is looked for in.
 const MAX_DEPTH: usize = 4;
-/// Most dicts that are looked at: one may hold itself.
+/// Most dicts that are searched, since one may contain itself.
 const MAX_DICTS: usize = 256;
 
 /// Where a checkpoint keeps its tensors.
 struct StateDict {
     entries: BTreeMap<String, Id>,
-    /// Keys that were passed over on the way.
+    /// Keys that were ignored on the way.
     others: Vec<String>,
 }
 

@@ -1,10 +1,10 @@
-//! Pickle read as data: a stack machine that builds plain values and knows a handful of names, and
+//! Pickle read as data: a stack machine that builds plain values, knows a handful of names, and
 //! calls nothing.
 //!
-//! Values live in one [`Heap`] and refer to each other by index, so that neither cycles nor deep
-//! nesting can hurt: nothing here or behind it recurses. Every opcode adds at most one value of
-//! bounded size, or moves values that others added, so time and memory are proportional to the
-//! input's length.
+//! Values live in one [`Heap`] and refer to each other by index. Nothing that reads them recurses,
+//! so neither cycles nor deep nesting can do harm. Every opcode adds at most one value of bounded
+//! size, or moves values that others added, so time and memory are proportional to the input's
+//! length.
 //!
 //! A checkpoint may carry other things beside its tensors, such as a run's arguments. An object of
 //! an unknown class stays [`Value::Opaque`]: a name without content. No class is looked up, nothing
@@ -31,7 +31,7 @@ pub enum Value {
     None,
     Bool(bool),
     Int(i128),
-    /// No float matters to us, so none is kept.
+    /// A float. No tensor needs its value, so it is not kept.
     Float,
     Str(String),
     Tuple(Vec<Id>),
@@ -39,7 +39,7 @@ pub enum Value {
     /// `dict` and `OrderedDict`, in the order of insertion; a key may occur twice.
     Dict(Vec<(Id, Id)>),
     Global(Global),
-    /// A class or function that we do not know, or an object made by one: its qualified name.
+    /// An unknown class or function, or an object made by one: its qualified name.
     Opaque(String),
     Storage(Box<StorageRef>),
     Tensor(Box<TensorRef>),
@@ -72,7 +72,7 @@ pub struct Heap {
 }
 
 impl Heap {
-    /// The value of an id, which only this heap gives out.
+    /// The value of an id of this heap.
     pub fn get(&self, id: Id) -> &Value {
         &self.values[id.0 as usize]
     }
@@ -121,10 +121,59 @@ pub fn read(bytes: &[u8]) -> Result<Pickle, Refusal> {
     })
 }
 
+/// The opcodes that are read, by their names in `pickletools`.
+mod opcode {
+    pub const PROTO: u8 = 0x80;
+    pub const FRAME: u8 = 0x95;
+    pub const MARK: u8 = b'(';
+    pub const NONE: u8 = b'N';
+    pub const NEWTRUE: u8 = 0x88;
+    pub const NEWFALSE: u8 = 0x89;
+    pub const BININT: u8 = b'J';
+    pub const BININT1: u8 = b'K';
+    pub const BININT2: u8 = b'M';
+    pub const LONG1: u8 = 0x8a;
+    pub const BINFLOAT: u8 = b'G';
+    pub const BINUNICODE: u8 = b'X';
+    pub const BINSTRING: u8 = b'T';
+    pub const SHORT_BINUNICODE: u8 = 0x8c;
+    pub const SHORT_BINSTRING: u8 = b'U';
+    pub const EMPTY_DICT: u8 = b'}';
+    pub const EMPTY_LIST: u8 = b']';
+    pub const EMPTY_TUPLE: u8 = b')';
+    pub const TUPLE: u8 = b't';
+    pub const TUPLE1: u8 = 0x85;
+    pub const TUPLE3: u8 = 0x87;
+    pub const APPEND: u8 = b'a';
+    pub const APPENDS: u8 = b'e';
+    pub const SETITEM: u8 = b's';
+    pub const SETITEMS: u8 = b'u';
+    pub const BINPUT: u8 = b'q';
+    pub const LONG_BINPUT: u8 = b'r';
+    pub const MEMOIZE: u8 = 0x94;
+    pub const BINGET: u8 = b'h';
+    pub const LONG_BINGET: u8 = b'j';
+    pub const GLOBAL: u8 = b'c';
+    pub const STACK_GLOBAL: u8 = 0x93;
+    pub const REDUCE: u8 = b'R';
+    pub const BUILD: u8 = b'b';
+    pub const NEWOBJ: u8 = 0x81;
+    pub const NEWOBJ_EX: u8 = 0x92;
+    pub const BINBYTES: u8 = b'B';
+    pub const SHORT_BINBYTES: u8 = b'C';
+    pub const EMPTY_SET: u8 = 0x8f;
+    pub const ADDITEMS: u8 = 0x90;
+    pub const FROZENSET: u8 = 0x91;
+    pub const POP: u8 = b'0';
+    pub const BINPERSID: u8 = b'Q';
+    pub const STOP: u8 = b'.';
+}
+
+/// The stack machine that executes a pickle.
 struct Machine<'a> {
     input: &'a [u8],
     at: usize,
-    /// Where the opcode under way began, for messages.
+    /// Where the current opcode begins, for messages.
     opcode_at: usize,
     heap: Heap,
     stack: Vec<Id>,
@@ -138,109 +187,110 @@ impl Machine<'_> {
         loop {
             self.opcode_at = self.at;
             let opcode = self.byte()?;
-            if opcode == b'.' {
+            if opcode == opcode::STOP {
                 return self.pop();
             }
             self.step(opcode)?;
         }
     }
 
+    /// Executes one opcode other than `STOP`.
     fn step(&mut self, opcode: u8) -> Result<(), Refusal> {
         match opcode {
-            0x80 => {
+            opcode::PROTO => {
                 let version = self.byte()?;
                 if version > 5 {
                     return Err(self.refuse("protocol 0 to 5", version));
                 }
             }
-            0x95 => drop(self.take(8)?), // FRAME: only a hint for buffering
-            b'(' => self.marks.push(self.stack.len()),
-            b'N' => self.push(Value::None),
-            0x88 => self.push(Value::Bool(true)),
-            0x89 => self.push(Value::Bool(false)),
-            b'J' => {
+            opcode::FRAME => drop(self.take(8)?), // only a hint for buffering
+            opcode::MARK => self.marks.push(self.stack.len()),
+            opcode::NONE => self.push(Value::None),
+            opcode::NEWTRUE => self.push(Value::Bool(true)),
+            opcode::NEWFALSE => self.push(Value::Bool(false)),
+            opcode::BININT => {
                 let value = i32::from_le_bytes(self.array()?);
                 self.push(Value::Int(value.into()));
             }
-            b'K' => {
+            opcode::BININT1 => {
                 let value = self.byte()?;
                 self.push(Value::Int(value.into()));
             }
-            b'M' => {
+            opcode::BININT2 => {
                 let value = u16::from_le_bytes(self.array()?);
                 self.push(Value::Int(value.into()));
             }
-            0x8a => {
+            opcode::LONG1 => {
                 let length = self.byte()?;
                 let value = self.long(length)?;
                 self.push(Value::Int(value));
             }
-            b'G' => {
+            opcode::BINFLOAT => {
                 self.take(8)?;
                 self.push(Value::Float);
             }
-            b'X' | b'T' => {
+            opcode::BINUNICODE | opcode::BINSTRING => {
                 let length = u32::from_le_bytes(self.array()?);
                 self.string(length)?;
             }
-            0x8c | b'U' => {
+            opcode::SHORT_BINUNICODE | opcode::SHORT_BINSTRING => {
                 let length = self.byte()?;
                 self.string(length.into())?;
             }
-            b'}' => self.push(Value::Dict(Vec::new())),
-            b']' => self.push(Value::List(Vec::new())),
-            b')' => self.push(Value::Tuple(Vec::new())),
-            b't' => {
+            opcode::EMPTY_DICT => self.push(Value::Dict(Vec::new())),
+            opcode::EMPTY_LIST => self.push(Value::List(Vec::new())),
+            opcode::EMPTY_TUPLE => self.push(Value::Tuple(Vec::new())),
+            opcode::TUPLE => {
                 let items = self.pop_mark()?;
                 self.push(Value::Tuple(items));
             }
-            0x85..=0x87 => {
-                let mut items = vec![Id(0); usize::from(opcode - 0x84)];
+            opcode::TUPLE1..=opcode::TUPLE3 => {
+                let mut items = vec![Id(0); usize::from(opcode - opcode::TUPLE1) + 1];
                 for item in items.iter_mut().rev() {
                     *item = self.pop()?;
                 }
                 self.push(Value::Tuple(items));
             }
-            b'a' => {
+            opcode::APPEND => {
                 let item = self.pop()?;
                 self.append(vec![item])?;
             }
-            b'e' => {
+            opcode::APPENDS => {
                 let items = self.pop_mark()?;
                 self.append(items)?;
             }
-            b's' => {
+            opcode::SETITEM => {
                 let value = self.pop()?;
                 let key = self.pop()?;
                 self.set(vec![key, value])?;
             }
-            b'u' => {
+            opcode::SETITEMS => {
                 let items = self.pop_mark()?;
                 self.set(items)?;
             }
-            b'q' => {
+            opcode::BINPUT => {
                 let slot = self.byte()?;
                 self.remember(slot.into())?;
             }
-            b'r' => {
+            opcode::LONG_BINPUT => {
                 let slot = u32::from_le_bytes(self.array()?);
                 self.remember(slot)?;
             }
-            0x94 => self.remember(self.memo.len() as u32)?,
-            b'h' => {
+            opcode::MEMOIZE => self.remember(self.memo.len() as u32)?,
+            opcode::BINGET => {
                 let slot = self.byte()?;
                 self.recall(slot.into())?;
             }
-            b'j' => {
+            opcode::LONG_BINGET => {
                 let slot = u32::from_le_bytes(self.array()?);
                 self.recall(slot)?;
             }
-            b'c' => {
+            opcode::GLOBAL => {
                 let module = self.line()?;
                 let name = self.line()?;
                 self.global(&module, &name);
             }
-            0x93 => {
+            opcode::STACK_GLOBAL => {
                 let (name, module) = (self.pop()?, self.pop()?);
                 match (self.heap.get(module).clone(), self.heap.get(name).clone()) {
                     (Value::Str(module), Value::Str(name)) => self.global(&module, &name),
@@ -249,9 +299,9 @@ impl Machine<'_> {
                     }
                 }
             }
-            b'R' => self.reduce()?,
-            b'b' => {
-                // Attributes do not matter to us: neither an OrderedDict's (`_metadata` of a state
+            opcode::REDUCE => self.reduce()?,
+            opcode::BUILD => {
+                // No tensor needs attributes: neither an OrderedDict's (`_metadata` of a state
                 // dict) nor those of an object of an unknown class.
                 self.pop()?;
                 let object = self.top()?;
@@ -260,37 +310,37 @@ impl Machine<'_> {
                     return Err(self.refuse(expected, self.heap.get(object).kind()));
                 }
             }
-            0x81 => {
+            opcode::NEWOBJ => {
                 self.pop()?; // the arguments
                 self.object()?;
             }
-            0x92 => {
+            opcode::NEWOBJ_EX => {
                 self.pop()?; // the keyword arguments
                 self.pop()?; // the arguments
                 self.object()?;
             }
-            b'B' => {
+            opcode::BINBYTES => {
                 let length = u32::from_le_bytes(self.array()?);
                 self.bytes(length as usize)?;
             }
-            b'C' => {
+            opcode::SHORT_BINBYTES => {
                 let length = self.byte()?;
                 self.bytes(length.into())?;
             }
-            0x8f => self.push(Value::Opaque("set".into())),
-            0x90 => {
+            opcode::EMPTY_SET => self.push(Value::Opaque("set".into())),
+            opcode::ADDITEMS => {
                 self.pop_mark()?;
                 let set = self.top()?;
                 if !matches!(self.heap.get(set), Value::Opaque(_)) {
                     return Err(self.refuse("ADDITEMS to a set", self.heap.get(set).kind()));
                 }
             }
-            0x91 => {
+            opcode::FROZENSET => {
                 self.pop_mark()?;
                 self.push(Value::Opaque("frozenset".into()));
             }
-            b'0' => drop(self.pop()?),
-            b'Q' => {
+            opcode::POP => drop(self.pop()?),
+            opcode::BINPERSID => {
                 let id = self.pop()?;
                 let storage = torch::storage(&self.heap, id).map_err(|error| self.place(error))?;
                 self.push(Value::Storage(Box::new(storage)));
@@ -300,6 +350,7 @@ impl Machine<'_> {
         Ok(())
     }
 
+    /// Calls a known function, or makes an opaque object of an unknown one.
     fn reduce(&mut self) -> Result<(), Refusal> {
         let arguments = self.pop()?;
         let callable = self.pop()?;
@@ -323,6 +374,7 @@ impl Machine<'_> {
         Ok(())
     }
 
+    /// Pushes a global, which is opaque if it is not known.
     fn global(&mut self, module: &str, name: &str) {
         let value = match torch::global(module, name) {
             Some(global) => Value::Global(global),
@@ -343,7 +395,7 @@ impl Machine<'_> {
         Ok(())
     }
 
-    /// Passes over raw bytes, which no tensor of a state dict is made of.
+    /// Skips raw bytes, which no tensor of a state dict consists of.
     fn bytes(&mut self, length: usize) -> Result<(), Refusal> {
         self.take(length)?;
         self.push(Value::Opaque("bytes".into()));
@@ -446,7 +498,7 @@ impl Machine<'_> {
         Ok(i128::from_le_bytes(wide))
     }
 
-    /// Reads up to the end of the line, which no module or name puts far away.
+    /// Reads a line, which is a module or a name and so must be short.
     fn line(&mut self) -> Result<String, Refusal> {
         let rest = &self.input[self.at..];
         let Some(length) = rest.iter().take(256).position(|&byte| byte == b'\n') else {

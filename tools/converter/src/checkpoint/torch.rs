@@ -248,7 +248,7 @@ impl TensorRef {
     }
 }
 
-/// Most arguments of a call, and parts of a persistent id, that are looked at.
+/// Most arguments of a call, and parts of a persistent id, that are read.
 const MAX_ITEMS: usize = 8;
 /// Longest key of a storage: every tensor carries a copy.
 const MAX_KEY: usize = 64;

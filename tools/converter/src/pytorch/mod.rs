@@ -1,8 +1,8 @@
-//! The other way: our networks as a PyTorch state dict.
+//! The way back: a network of this project as a PyTorch state dict.
 //!
 //! | file | what is in it |
 //! |---|---|
-//! | `mod` | our tensors under PyTorch's names and in its layout |
+//! | `mod` | the tensors under PyTorch's names and in its layout |
 //! | `pickle` | the pickle of a state dict |
 //! | `write` | zip archive (`.pth`) and safetensors |
 
@@ -33,8 +33,8 @@ pub enum Values {
 
 /// Named tensors in PyTorch's layout (OIHW), in the order of the network.
 ///
-/// The network expects pixels as they are, BGR in 0..=255, as video_analyst feeds them: whatever
-/// else ours was trained on is rewritten into its first convolution.
+/// The network expects unscaled pixels, BGR in 0..=255, as video_analyst feeds them. The input
+/// normalization that a network of this project was trained with goes into its first convolution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateDict {
     /// Name, shape and values.

@@ -130,11 +130,11 @@ pub fn layers(e: usize) -> Vec<(String, String, usize, usize, usize, bool)> {
 
 /// A small network without an encoder.
 pub fn network() -> StateDict {
-    network_behind(BACKBONE[4])
+    network_of_width(BACKBONE[4])
 }
 
 /// A small network whose neck expects `e` channels.
-pub fn network_behind(e: usize) -> StateDict {
+pub fn network_of_width(e: usize) -> StateDict {
     let mut dict = StateDict::new();
     for (theirs, _, kernel, input, output, bn) in layers(e) {
         add_layer(&mut dict, &theirs, [output, input, kernel, kernel], bn);
@@ -158,7 +158,7 @@ pub fn network_behind(e: usize) -> StateDict {
 
 /// A small network with the default encoder.
 pub fn network_with_encoder() -> StateDict {
-    let mut dict = network_behind(10);
+    let mut dict = network_of_width(10);
     add_layer(&mut dict, "dr.e2", [10, BACKBONE[4], 3, 3], true);
     dict
 }
