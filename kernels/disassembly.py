@@ -44,7 +44,7 @@ def normal(instruction):
 
 
 def functions(library):
-    """The instructions of each kernel, by name; of equal names the last one counts."""
+    """The instructions of each kernel, by name; those of equal names follow one another."""
     command = ["objdump", "-dr", "--no-show-raw-insn", "-C", library]
     listing = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     found, body = {}, None

@@ -10,8 +10,8 @@
 //! one multiply-accumulate per value of the filter and of the response; 1.1 million for a 4x4
 //! filter of 128 channels on 26x26 features.
 //!
-//! A row of the filter is `w * C` contiguous values, and meets as many contiguous values of the
-//! features: no patches.
+//! A row of the filter is `w * C` contiguous values and is multiplied with as many contiguous
+//! values of the features, so no patches are copied.
 
 use crate::par::Threads;
 use crate::simd::{Kernel, Simd};
@@ -56,7 +56,7 @@ impl FilterShape {
 
     /// The features that row `u` of the filter is multiplied with for the response at (`y`, `x`).
     #[inline(always)]
-    fn met<'a>(&self, features: &'a [f32], u: usize, y: usize, x: usize) -> &'a [f32] {
+    fn window<'a>(&self, features: &'a [f32], u: usize, y: usize, x: usize) -> &'a [f32] {
         &features[((y + u) * self.size.w + x) * self.channels..]
     }
 }
@@ -180,8 +180,8 @@ impl Respond<'_> {
 
     /// `VALUES` neighboring values of row `y` of `out`, from `x` on. Returns `VALUES`.
     ///
-    /// The trick is reuse: neighbors see the same cells, so that `VALUES + TAPS - 1` cells and
-    /// `TAPS` taps are loaded for `VALUES * TAPS` multiply-adds.
+    /// Neighboring values share cells: `VALUES + TAPS - 1` cells and `TAPS` taps are loaded for
+    /// `VALUES * TAPS` multiply-adds.
     #[inline(always)]
     fn tile<S: Simd, const TAPS: usize, const VALUES: usize>(
         &mut self,
@@ -204,21 +204,22 @@ impl Respond<'_> {
         let mut sums = [simd.zero(); VALUES];
         for u in 0..filter.h {
             for v in (0..filter.w).step_by(TAPS) {
-                let met = &self.shape.met(self.features, u, self.first_row + y, x + v)
-                    [..cells_len * channels];
+                let window = &self
+                    .shape
+                    .window(self.features, u, self.first_row + y, x + v)[..cells_len * channels];
                 let taps = &self.filter[(u * filter.w + v) * channels..][..TAPS * channels];
                 for c in (0..channels).step_by(S::LANES) {
                     let end = channels.min(c + S::LANES);
                     let mut cells = [simd.zero(); MAX_CELLS];
                     for i in 0..cells_len {
-                        cells[i] = load(&met[i * channels + c..i * channels + end]);
+                        cells[i] = load(&window[i * channels + c..i * channels + end]);
                     }
                     if u + 1 == filter.h && v == 0 {
                         // Features come from memory or the L3 cache, and the last filter row reads
                         // them first.
                         for i in 0..VALUES {
                             simd.prefetch(
-                                &met[i * channels + c..],
+                                &window[i * channels + c..],
                                 AHEAD * self.shape.size.w * channels,
                             );
                         }
@@ -252,18 +253,18 @@ impl Kernel for Adjoint<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let (height, last) = (
+        let (height, rows) = (
             self.shape.out_size().h,
             self.out.len() / self.shape.row_len(),
         );
         for from in 0..self.shape.size.h {
             // All rows of the filter that meet this row of features, while it is in the L1 cache.
-            let met = |u: usize| {
+            let meets = |u: usize| {
                 from.checked_sub(self.first_row + u)
                     .is_some_and(|y| y < height)
             };
-            let mut u = (0..last).find(|u| met(*u)).unwrap_or(last);
-            let end = (u..last).take_while(|u| met(*u)).count() + u;
+            let mut u = (0..rows).find(|u| meets(*u)).unwrap_or(rows);
+            let end = (u..rows).take_while(|u| meets(*u)).count() + u;
             while u < end {
                 u += match end - u {
                     4.. => self.rows::<S, 4>(simd, u, from),
@@ -315,17 +316,17 @@ impl Adjoint<'_> {
     ) -> usize {
         let FilterShape { size, channels, .. } = self.shape;
         let (row_len, width) = (self.shape.row_len(), self.shape.out_size().w);
-        let met = &self.features[from * size.w * channels..][t..];
+        let features = &self.features[from * size.w * channels..][t..];
         let mut values = [&self.response[..0]; ROWS];
         for i in 0..ROWS {
             values[i] = &self.response[(from - self.first_row - u - i) * width..][..width];
         }
         let mut sums = [[simd.zero(); VECTORS]; ROWS];
         for x in 0..width {
-            let met = &met[x * channels..][..VECTORS * S::LANES];
+            let window = &features[x * channels..][..VECTORS * S::LANES];
             let mut cells = [simd.zero(); VECTORS];
             for k in 0..VECTORS {
-                cells[k] = simd.load(&met[k * S::LANES..]);
+                cells[k] = simd.load(&window[k * S::LANES..]);
             }
             for i in 0..ROWS {
                 let value = simd.splat(values[i][x]);
@@ -349,11 +350,11 @@ impl Adjoint<'_> {
     fn rest<S: Simd>(&mut self, simd: S, u: usize, y: usize, t: usize) -> usize {
         let (shape, width) = (self.shape, self.shape.out_size().w);
         let out = &mut self.out[u * shape.row_len()..][t..shape.row_len()];
-        let met = &shape.met(self.features, self.first_row + u, y, 0)[t..];
+        let features = &shape.window(self.features, self.first_row + u, y, 0)[t..];
         let mut sum = simd.load_partial(out);
         for (x, value) in self.response[y * width..][..width].iter().enumerate() {
-            let met = &met[x * shape.channels..][..out.len()];
-            sum = simd.mul_add(simd.load_partial(met), simd.splat(*value), sum);
+            let window = &features[x * shape.channels..][..out.len()];
+            sum = simd.mul_add(simd.load_partial(window), simd.splat(*value), sum);
         }
         simd.store_partial(sum, out);
         out.len()

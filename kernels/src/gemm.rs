@@ -46,7 +46,7 @@ impl<'a> Matrix<'a> {
     /// `largest * max(rows, columns) * 2^-23`. `None` if [`singular_values`](Self::singular_values)
     /// has none.
     ///
-    /// Source: the usual tolerance for `f32`; `docs/method.md`, section 3.6.
+    /// Source: the default tolerance of NumPy's `matrix_rank`; `docs/method.md`, section 3.6.
     #[inline]
     pub fn rank(self) -> Option<usize> {
         let values = self.singular_values()?;

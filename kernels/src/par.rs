@@ -80,20 +80,20 @@ impl Threads {
         }
     }
 
-    /// Runs two independent jobs side by side, each on half of the threads and with a room of its
+    /// Runs two independent jobs side by side, each on half of the threads and with a buffer of its
     /// own.
     ///
-    /// On one thread they run one after the other, both in the first room, which the cache then
-    /// still holds. Call within [`enter`](Self::enter).
+    /// On one thread they run one after the other, both with the first buffer, which is then still
+    /// in the cache. Call within [`enter`](Self::enter).
     pub fn both<T: Send>(
         &self,
-        [room_a, room_b]: [&mut T; 2],
+        [buffer_a, buffer_b]: [&mut T; 2],
         a: impl FnOnce(&Threads, &mut T) + Send,
         b: impl FnOnce(&Threads, &mut T) + Send,
     ) {
         if self.count == 1 {
-            a(self, room_a);
-            b(self, room_a);
+            a(self, buffer_a);
+            b(self, buffer_a);
             return;
         }
         let part = |count: usize| Threads {
@@ -102,11 +102,13 @@ impl Threads {
         };
         let first = part(self.count / 2);
         let second = part(self.count - self.count / 2);
-        rayon::join(|| a(&first, room_a), || b(&second, room_b));
+        rayon::join(|| a(&first, buffer_a), || b(&second, buffer_b));
     }
 
     /// Splits `out` into one block of whole rows (of `row_len` values) per thread, and calls
     /// `work(first_row, block)` for each. Call within [`enter`](Self::enter).
+    ///
+    /// Panics if `out` is not whole rows.
     pub fn split_rows<T: Send>(
         &self,
         out: &mut [T],
@@ -118,8 +120,10 @@ impl Threads {
         });
     }
 
-    /// Does what [`split_rows`](Self::split_rows) does at multiples of `unit` rows, and gives each
-    /// thread an equal part of `scratch`.
+    /// As [`split_rows`](Self::split_rows), in blocks of multiples of `unit` rows, with an equal
+    /// part of `scratch` for each thread.
+    ///
+    /// Panics if `out` is not whole rows.
     pub fn split_rows_with<T: Send>(
         &self,
         out: &mut [T],
@@ -276,7 +280,10 @@ impl Threads {
     /// Splits `out` into tiles, equally many per thread, and calls `work` with each thread's. Call
     /// within [`enter`](Self::enter).
     ///
-    /// Small maps have only a few rows of tiles: whole ones per thread would be uneven.
+    /// Threads may share a row of tiles, because small maps have only a few: whole rows of tiles
+    /// per thread would be uneven.
+    ///
+    /// Panics if `out` is not whole rows, or a tile has more than [`Tiling::ROWS`] rows.
     pub fn split_tiles(
         &self,
         out: &mut [f32],
@@ -580,14 +587,14 @@ mod tests {
             all.enter(|| {
                 all.both(
                     [&mut a, &mut b],
-                    |threads, room| {
-                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| {
+                    |threads, buffer| {
+                        threads.split_rows_with(buffer, 1, 1, &mut [], |row, values, _| {
                             add(row, 1, values)
                         });
                         *first = threads.count();
                     },
-                    |threads, room| {
-                        threads.split_rows_with(room, 1, 1, &mut [], |row, values, _| {
+                    |threads, buffer| {
+                        threads.split_rows_with(buffer, 1, 1, &mut [], |row, values, _| {
                             add(row, 10, values)
                         });
                         *second = threads.count();

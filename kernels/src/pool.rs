@@ -57,7 +57,7 @@ pub fn max_pool(
     })
 }
 
-/// Does what [`max_pool`] does on bytes. Quantization is monotonic, so that pooling may follow it.
+/// As [`max_pool`], on bytes. Quantization is monotonic, so pooling may follow it.
 ///
 /// Panics if a length is not that of its shape.
 pub fn max_pool_bytes(
@@ -79,7 +79,7 @@ pub fn max_pool_bytes(
     })
 }
 
-/// Splits the output's rows over the threads, of which each calls `pool(first_row, rows)`. Returns
+/// Splits the output's rows over the threads; each thread calls `pool(first_row, rows)`. Returns
 /// the output's size.
 fn over_rows<T: Send + Sync>(
     threads: &Threads,

@@ -185,7 +185,7 @@ mod tests {
                         .enumerate()
                     {
                         assert_eq!(out[..3], [9; 3], "before row {row}");
-                        assert_eq!(out[3 + row_len..], [9; 4], "behind row {row}");
+                        assert_eq!(out[3 + row_len..], [9; 4], "after row {row}");
                         for (found, expected) in out[3..].iter().zip(expected) {
                             // Multiplying by the inverse may fall on the other side of a tie.
                             assert!(

@@ -1,9 +1,9 @@
 //! A convolution and the max-pool after it, band by band: `y = max_pool(conv(x))`.
 //!
 //! Shapes: `[H, W, Cin] -> [H'', W'', Cout]`, the sizes of [`Conv`] and [`pool`] one after the
-//! other. Cost: that of both, less the trip to memory: the map between them is the network's
-//! largest by far, is never held as a whole, and its bands stay in the caches. Without bands the
-//! first layers take 8 to 18 % longer.
+//! other. Cost: that of both, minus the traffic to memory. The map between them is by far the
+//! network's largest; it is never held as a whole, and each band of it stays in the caches. Without
+//! bands the first layers take 8 to 18 % longer.
 //!
 //! ```text
 //! for each band of rows of the map

@@ -1,4 +1,4 @@
-//! Vectors on every instruction set, behind two small flat traits: [`Simd`] for `f32`, [`Dot`] for
+//! Vectors on every instruction set, through two small flat traits: [`Simd`] for `f32`, [`Dot`] for
 //! integer dot products.
 //!
 //! A kernel is a struct of its arguments that implements [`Kernel`] (or [`DotKernel`]). Its body is
@@ -44,8 +44,8 @@
 //! ([`Simd::call`]), so that the compiler optimizes one hot loop at a time.
 //!
 //! **Safety.** A token such as `Avx2` exists only if detection has found the instructions, so that
-//! methods on it are safe. The only intrinsics and the only `unsafe` of the repository's Rust, but
-//! for the C interface, are in this folder.
+//! methods on it are safe. All intrinsics are in this folder, and so is all `unsafe` code of the
+//! repository except that of the C interface.
 
 #![allow(unsafe_code)]
 

@@ -3,7 +3,7 @@
 //!
 //! Shapes: `[a, a] -> [a, a]` per tile and input channel; `[a, a] -> [m, m]` per tile and output
 //! channel. Cost: about `2 a` multiply-adds per line of `a` values in each direction; see
-//! `Algorithm::plan` for their share.
+//! `Algorithm::cost` for their share.
 //!
 //! Both are done one direction after the other, on a vector of channels at a time:
 //!
