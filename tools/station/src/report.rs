@@ -92,7 +92,16 @@ pub struct Tracked {
     pub others: Vec<Candidate>,
 }
 
+/// Least presence of a box that is acted on.
+const BELIEVED: f32 = 0.4;
+
 impl Tracked {
+    /// Whether the box is worth acting on: the target is seen, and its presence, if the tracker
+    /// estimates it, is at least 0.4.
+    pub fn is_believed(&self) -> bool {
+        self.state.is_seen() && self.presence.is_none_or(|presence| presence >= BELIEVED)
+    }
+
     /// The track of a box that was just given.
     pub fn certain(bbox: FrameBox) -> Tracked {
         Tracked {

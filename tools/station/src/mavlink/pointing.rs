@@ -129,7 +129,7 @@ impl Pointing {
         if self.landing_target
             && is_new
             && let (Some(target), Some(at)) = (target, at)
-            && target.track.state.is_seen()
+            && target.track.is_believed()
         {
             out.push(self.landing(target.track.bbox, report, at));
         }
@@ -352,6 +352,21 @@ mod tests {
             .any(|m| matches!(m, MavMessage::LANDING_TARGET(l) if l.angle_x > 0.2));
         assert!(has_landing);
         assert!(pointing.due(start, &seen, false).is_empty(), "not yet due");
+    }
+
+    #[test]
+    fn disbelieved_target_is_kept_in_view_but_is_no_landing_target() {
+        let mut doubted = view(State::LowConfidence, Freshness::Fresh);
+        let report = Arc::get_mut(&mut doubted.report).unwrap();
+        report.targets[0].track.presence = Some(0.39);
+
+        let messages = pointing().due(Instant::now(), &doubted, true);
+
+        assert!(rates(&messages).is_some());
+        let has_landing = messages
+            .iter()
+            .any(|m| matches!(m, MavMessage::LANDING_TARGET(_)));
+        assert!(!has_landing);
     }
 
     #[test]
