@@ -1,22 +1,23 @@
-//! The resources of a tape: instruction set, worker threads, and buffers that are reused between
-//! steps. Only this file uses rayon.
+//! The resources of a tape: instruction set, worker threads, the processes that share the batch,
+//! and buffers that are reused between steps. Only this file uses rayon.
 //!
 //! Work is split into parts, mostly the images of the batch. The number of parts does not depend on
 //! the number of threads, one thread computes each part, and sums over parts run in the order of
 //! the parts. So results have the same bits on any number of threads.
 
-use crate::Tensor;
+use crate::{OneProcess, ProcessGroup, Tensor};
 use kernels::conv::{Algorithm, ConvShape};
 use kernels::{Isa, Size};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Instruction set, worker threads, and buffers that are reused in the next step.
+/// Instruction set, worker threads, processes, and buffers that are reused in the next step.
 #[derive(Debug)]
 pub struct Compute {
     isa: Isa,
     winograd: bool,
+    processes: Arc<dyn ProcessGroup>,
     workers: rayon::ThreadPool,
     scratch: Vec<Mutex<Vec<f32>>>, // one per worker
     buffers: Mutex<HashMap<usize, Shelf>>,
@@ -67,6 +68,7 @@ impl Compute {
         Ok(Compute {
             isa,
             winograd: false,
+            processes: Arc::new(OneProcess),
             workers,
             scratch,
             buffers: Mutex::default(),
@@ -83,6 +85,21 @@ impl Compute {
             winograd: true,
             ..self
         }
+    }
+
+    /// Shares the batch of each tape with other processes: a tape's inputs are this process's part
+    /// of the batch, and losses, their gradients and batch statistics are those of the whole.
+    ///
+    /// A loss's value, and what [`backward`](crate::Tape::backward) adds to a parameter's gradient,
+    /// are this process's share: [`Parameters::add_up`](crate::Parameters::add_up) completes the
+    /// gradients.
+    pub fn with_processes(self, processes: Arc<dyn ProcessGroup>) -> Compute {
+        Compute { processes, ..self }
+    }
+
+    /// The processes that share the batch.
+    pub fn processes(&self) -> &dyn ProcessGroup {
+        &*self.processes
     }
 
     /// The algorithm for a convolution of inputs of `size`.

@@ -36,8 +36,10 @@
 //! | losses with gradients in closed form | `losses/`, one file each |
 //! | SGD, AdamW, clipping, learning rates | [`optim`] |
 //! | threads, instruction set, buffers | [`Compute`], `compute.rs` |
+//! | processes that share a batch | [`ProcessGroup`], `processes.rs` |
 //!
-//! The same machine, values and calls give the same bits, on any number of threads.
+//! The same machine, values and calls give the same bits, on any number of threads. Another number
+//! of processes rounds differently.
 
 #![forbid(unsafe_code)]
 
@@ -48,6 +50,7 @@ mod losses;
 mod ops;
 pub mod optim;
 mod parameters;
+mod processes;
 mod tape;
 mod tensor;
 mod vector;
@@ -56,5 +59,6 @@ pub use compute::{Compute, ThreadError};
 pub use losses::{BoxDecoder, Focal};
 pub use ops::{Conv2d, RunningStatistics};
 pub use parameters::{Parameter, ParameterId, Parameters, StateError};
+pub use processes::{OneProcess, ProcessGroup};
 pub use tape::{Gradients, Mode, Tape, Var};
 pub use tensor::Tensor;

@@ -1,6 +1,6 @@
 //! Named tensors with their gradients and training options: parameters and statistics.
 
-use crate::Tensor;
+use crate::{ProcessGroup, Tensor};
 use std::collections::HashMap;
 
 /// A parameter of one [`Parameters`].
@@ -138,6 +138,23 @@ impl Parameters {
     pub fn clear_gradients(&mut self) {
         self.iter_mut()
             .for_each(|parameter| parameter.gradient = None);
+    }
+
+    /// Completes the gradients: adds those of the other processes.
+    pub fn add_up(&mut self, processes: &dyn ProcessGroup) {
+        if processes.size() == 1 {
+            return;
+        }
+        let gradients = || self.list.iter().filter_map(|p| p.gradient.as_ref());
+        let mut all = Vec::with_capacity(gradients().map(|g| g.data().len()).sum());
+        gradients().for_each(|gradient| all.extend_from_slice(gradient.data()));
+        processes.add_up(&mut all);
+        let mut rest = &all[..];
+        for gradient in self.list.iter_mut().filter_map(|p| p.gradient.as_mut()) {
+            let (own, others) = rest.split_at(gradient.data().len());
+            gradient.data_mut().copy_from_slice(own);
+            rest = others;
+        }
     }
 
     /// Everything to save: names and values, statistics included.

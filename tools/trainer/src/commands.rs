@@ -1,6 +1,7 @@
 //! The subcommands.
 
 use crate::args;
+use autodiff::{OneProcess, ProcessGroup};
 use clap::Parser;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -10,7 +11,7 @@ use std::sync::Arc;
 use trainer::Error;
 use trainer::calibrate::calibrate;
 use trainer::data::Dataset;
-use trainer::fit::{Claim, Fit, RunOptions, compute, refuse_used};
+use trainer::fit::{Claim, Fit, RunOptions, agree, compute, refuse_used};
 use trainer::prune::{Ranks, prune as prune_by_rank};
 use trainer::queue::{self, Entry, State};
 use trainer::study::{Study, ablation, markdown, sweep as sweep_of};
@@ -18,26 +19,32 @@ use trainer::tune::{SHARES, correction, leave_one_out, over_sequences};
 use trainer::validate::Validation;
 use weights_format::{Storage, TrackerParams, Weights};
 
-/// `fit`.
-pub fn fit(args: &args::Fit) -> Result<(), Error> {
-    if args.resume.is_none() && !args.overwrite {
+/// `fit`, in one of the processes of a run.
+pub fn fit(args: &args::Fit, processes: Arc<dyn ProcessGroup>) -> Result<(), Error> {
+    let first = processes.is_first();
+    if first && args.resume.is_none() && !args.overwrite {
         refuse_used(&args.out)?;
     }
-    let run = args
-        .behavior
-        .run_options(&args.out, args.validate_minutes)?;
+    let run = RunOptions {
+        processes,
+        ..args
+            .behavior
+            .run_options(&args.out, args.validate_minutes)?
+    };
     let init = args.init.as_ref().map(|path| Fit::open(path)).transpose()?;
     let mut fit = match &args.resume {
         Some(checkpoint) => Fit::resume(checkpoint)?,
         None => {
             let architecture = init.as_ref().map(|init| init.network().architecture());
-            let options = args.training.options(architecture, args.data.seed)?;
+            let options =
+                args.training
+                    .options(architecture, args.data.seed, run.processes.size())?;
             Fit::start(options, args.data.data.clone(), args.data.options()?)?
         }
     };
     if let (Some(init), Some(path)) = (&init, &args.init) {
         let fresh = fit.take_over(init);
-        if !fresh.is_empty() {
+        if first && !fresh.is_empty() {
             eprintln!(
                 "initialized, since {} lacks them: {}",
                 path.display(),
@@ -46,12 +53,17 @@ pub fn fit(args: &args::Fit) -> Result<(), Error> {
         }
     }
     let dataset = dataset_of(&fit)?;
-    let claim = Claim::new(&run.out)?;
-    if args.overwrite {
+    // All processes have read their files before the folder is cleared.
+    let compute = compute(1)?.with_processes(run.processes.clone());
+    agree(&fit, &dataset, &compute)?;
+    let claim = first.then(|| Claim::new(&run.out)).transpose()?;
+    if let Some(claim) = claim.as_ref().filter(|_| args.overwrite) {
         claim.clear()?;
     }
     fit.run(dataset, &run)?;
-    println!("{}", run.out.join("weights.safetensors").display());
+    if first {
+        println!("{}", run.out.join("weights.safetensors").display());
+    }
     Ok(())
 }
 
@@ -84,7 +96,7 @@ pub fn queue(args: &args::Queue) -> Result<(), Error> {
             .find(|(entry, _)| entry.state() != State::Finished && !failed.contains(&entry.name));
         let Some((entry, options)) = next else { break };
         eprintln!("{}", entry.name);
-        if let Err(error) = fit(options) {
+        if let Err(error) = fit(options, Arc::new(OneProcess)) {
             eprintln!("{}: error: {error}", entry.name);
             failed.insert(entry.name.clone());
         }
@@ -153,7 +165,7 @@ pub fn prune(args: &args::Prune) -> Result<(), Error> {
     } else {
         Arc::new(args.data.open()?)
     };
-    source.unfold(&compute(threads)?, &dataset, 1);
+    source.unfold(&compute(threads)?, &dataset, 1)?;
     let ranks = Ranks::measure(&source, &dataset, args.pairs, threads)?;
     let mut pruned = prune_by_rank(&source, &ranks, &targets)?;
     if !args.data.data.is_empty() {
@@ -171,9 +183,9 @@ pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
     let ratios = args.ratios()?;
     let run = args.behavior.run_options(&args.out, f64::MAX)?;
     let mut source = Fit::open(&args.init)?;
-    let options = args
-        .training
-        .options(Some(source.network().architecture()), args.data.seed)?;
+    let options =
+        args.training
+            .options(Some(source.network().architecture()), args.data.seed, 1)?;
     let options = args::comparable(options)?;
     let data = (&args.data.data[..], &args.data.options()?);
     let study = sweep_of(
@@ -190,7 +202,7 @@ pub fn sweep(args: &args::Sweep) -> Result<(), Error> {
 /// `ablate`.
 pub fn ablate(args: &args::Ablate) -> Result<(), Error> {
     let run = args.behavior.run_options(&args.out, f64::MAX)?;
-    let options = args::comparable(args.training.options(None, args.data.seed)?)?;
+    let options = args::comparable(args.training.options(None, args.data.seed, 1)?)?;
     let study = ablation(
         &options,
         &args.data.data,

@@ -74,7 +74,10 @@ fn folders(sources: &[String]) -> Vec<&Path> {
 fn run(args: Args) -> Result<(), Error> {
     spare_inputs(&args.command)?;
     match args.command {
-        Command::Fit(args) => commands::fit(&args),
+        Command::Fit(args) => trainer::fit::join(
+            |error| exit(error).code(),
+            |processes| commands::fit(&args, processes),
+        ),
         Command::Queue(args) => commands::queue(&args),
         Command::Prune(args) => commands::prune(&args),
         Command::Sweep(args) => commands::sweep(&args),

@@ -10,7 +10,6 @@
 //! The loss of a batch is the sum over its points, divided by the number of ones (at least 1). The
 //! code computes label 0 as label 1 with `p` and `1 - p` exchanged and the gradient negated.
 
-use super::one_over;
 use crate::{Tape, Tensor, Var};
 
 /// The focal loss's two constants.
@@ -56,7 +55,7 @@ impl Tape<'_> {
     pub fn focal_loss(&mut self, logits: Var, labels: &Tensor, focal: Focal) -> Var {
         let x = self.value(logits);
         assert_eq!(x.data().len(), labels.data().len(), "focal_loss: labels");
-        let scale = one_over(labels.data().iter().filter(|label| **label == 1.0).count());
+        let scale = self.one_over(labels.data().iter().filter(|label| **label == 1.0).count());
         let mut gradient = Tensor::zeros(x.shape());
         let mut loss = 0.0;
         let points = gradient

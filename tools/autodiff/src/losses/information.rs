@@ -21,14 +21,14 @@ impl Tape<'_> {
         let mut gradients = Vec::with_capacity(2);
         for (scores, sign) in [(positive, -1.0f32), (negative, 1.0)] {
             let t = self.value(scores);
-            let n = t.data().len();
-            assert!(n > 0, "information from no scores");
+            assert!(!t.data().is_empty(), "information from no scores");
+            let n = self.count_of_all(t.data().len());
             estimate -= t
                 .data()
                 .iter()
                 .map(|t| f64::from(softplus(sign * t)))
                 .sum::<f64>()
-                / n as f64;
+                / n;
             let slopes = t
                 .data()
                 .iter()

@@ -23,7 +23,6 @@
 //! de/do = e si      de/dsi = e o      de/dbi = e
 //! ```
 
-use super::one_over;
 use crate::{Tape, Tensor, Var};
 
 /// How a map of offsets becomes boxes, and the limits that keep the loss finite.
@@ -135,7 +134,7 @@ impl Tape<'_> {
         );
         let (scale_var, shift_var) = (si, bi);
         let (si, bi) = (self.value(si).item(), self.value(bi).item());
-        let share = one_over(labels.data().iter().filter(|label| **label == 1.0).count());
+        let share = self.one_over(labels.data().iter().filter(|label| **label == 1.0).count());
         let o = self.value(offsets);
         let mut to_offsets = Tensor::zeros(o.shape());
         let (mut loss, mut to_si, mut to_bi) = (0.0, 0.0, 0.0);

@@ -5,7 +5,6 @@
 //! gradient: 2 (a - b) / n for a, the negative for b, 0 for the other items
 //! ```
 
-use super::one_over;
 use crate::{Tape, Tensor, Var};
 
 impl Tape<'_> {
@@ -22,7 +21,7 @@ impl Tape<'_> {
             "mean_square: items to keep"
         );
         let item = x.data().len() / keep.len().max(1);
-        let scale = one_over(item * keep.iter().filter(|keep| **keep).count());
+        let scale = self.one_over(item * keep.iter().filter(|keep| **keep).count());
         let mut slopes = [Tensor::zeros(x.shape()), Tensor::zeros(x.shape())];
         let mut loss = 0.0;
         for i in (0..x.data().len()).filter(|i| keep[i / item]) {

@@ -25,6 +25,16 @@ impl Tape<'_> {
         let inputs: Vec<Var> = gradients.iter().map(|(var, _)| *var).collect();
         self.record(Tensor::scalar(value as f32), &inputs, Known { gradients })
     }
+
+    /// The count of the whole batch, from that of this process's part.
+    fn count_of_all(&self, count: usize) -> f64 {
+        self.compute.processes().sums(&[count as f64])[0]
+    }
+
+    /// `1 / max(count, 1)` with the count of the whole batch.
+    fn one_over(&self, count: usize) -> f64 {
+        1.0 / self.count_of_all(count).max(1.0)
+    }
 }
 
 impl Operation for Known {
@@ -39,11 +49,6 @@ impl Operation for Known {
             }
         }
     }
-}
-
-/// `1 / max(count, 1)`.
-fn one_over(count: usize) -> f64 {
-    1.0 / count.max(1) as f64
 }
 
 #[cfg(test)]

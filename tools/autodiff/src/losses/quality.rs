@@ -9,7 +9,6 @@
 //! Points whose target is 0 do not count. The loss of a batch is the mean over the others, or 0 if
 //! there are none.
 
-use super::one_over;
 use crate::ops::{sigmoid, softplus};
 use crate::{Tape, Tensor, Var};
 
@@ -31,7 +30,7 @@ impl Tape<'_> {
             targets.data().len(),
             "quality_loss: targets"
         );
-        let scale = one_over(
+        let scale = self.one_over(
             targets
                 .data()
                 .iter()

@@ -1,8 +1,8 @@
 //! Rolling along the batch: item `b` gets item `b + shift`, counted around. Backwards the other way
-//! round.
+//! round. Where processes share a batch, the last items come from the next process.
 
 use crate::tape::Operation;
-use crate::{Tape, Tensor, Var};
+use crate::{ProcessGroup, Tape, Tensor, Var};
 
 struct Roll {
     x: Var,
@@ -11,30 +11,41 @@ struct Roll {
 
 impl Tape<'_> {
     /// Item `b` of the result is item `(b + shift) mod batch` of `x` (`[batch, ..]`).
+    ///
+    /// Panics if `shift` is larger than one process's part of a shared batch.
     pub fn roll(&mut self, x: Var, shift: usize) -> Var {
         let mut out = self.compute.tensor(self.shape(x));
-        roll(self.value(x), &mut out, shift);
+        let batch = *self
+            .shape(x)
+            .first()
+            .unwrap_or_else(|| panic!("roll needs [batch, ..], found a scalar"));
+        let processes = self.compute.processes();
+        let shift = shift % (batch * processes.size());
+        assert!(shift <= batch, "roll by {shift} of {batch} items");
+        let (from, to) = (self.value(x).data(), out.data_mut());
+        let (front, back) = from.split_at(from.len() / batch * shift);
+        let (first, last) = to.split_at_mut(back.len());
+        first.copy_from_slice(back);
+        last.copy_from_slice(&of_neighbor(processes, front, 1));
         self.record(out, &[x], Roll { x, shift })
     }
 }
 
-fn roll(from: &Tensor, to: &mut Tensor, shift: usize) {
-    let batch = *from
-        .shape()
-        .first()
-        .unwrap_or_else(|| panic!("roll needs [batch, ..], found a scalar"));
-    let items = |n: usize| from.data().len() / batch * (n % batch);
-    let (front, back) = from.data().split_at(items(shift));
-    let (first, last) = to.data_mut().split_at_mut(back.len());
-    first.copy_from_slice(back);
-    last.copy_from_slice(front);
+/// What the process `distance` places further on gives, counted around.
+fn of_neighbor(processes: &dyn ProcessGroup, own: &[f32], distance: usize) -> Vec<f32> {
+    let neighbor = (processes.rank() + distance) % processes.size();
+    processes.all(own)[neighbor * own.len()..][..own.len()].to_vec()
 }
 
 impl Operation for Roll {
     fn backward(&self, tape: &mut Tape, _: &Tensor, gradient: Tensor) {
-        let batch = gradient.shape()[0];
         let mut share = tape.compute.tensor(gradient.shape());
-        roll(&gradient, &mut share, batch - self.shift % batch);
+        let processes = tape.compute.processes();
+        let rolled = gradient.data().len() / gradient.shape()[0] * self.shift;
+        let (first, last) = gradient.data().split_at(gradient.data().len() - rolled);
+        let (front, back) = share.data_mut().split_at_mut(rolled);
+        back.copy_from_slice(first);
+        front.copy_from_slice(&of_neighbor(processes, last, processes.size() - 1));
         tape.add_gradient(self.x, share);
         tape.compute.recycle(gradient);
     }
@@ -44,6 +55,7 @@ impl Operation for Roll {
 mod tests {
     use super::*;
     use crate::check::{check, noise};
+    use crate::{Compute, Mode, Parameters};
 
     #[test]
     fn gradients_equal_finite_differences() {
@@ -56,8 +68,13 @@ mod tests {
 
     #[test]
     fn every_item_gets_the_next_one() {
-        let mut to = Tensor::zeros(&[3, 1]);
-        roll(&Tensor::new(&[3, 1], vec![0.0, 1.0, 2.0]), &mut to, 1);
-        assert_eq!(to.data(), [1.0, 2.0, 0.0]);
+        let compute = Compute::new(1).unwrap();
+        let mut parameters = Parameters::new();
+        let mut tape = Tape::new(&compute, &mut parameters, Mode::Training);
+        let x = tape.constant(Tensor::new(&[3, 1], vec![0.0, 1.0, 2.0]));
+
+        let rolled = tape.roll(x, 1);
+
+        assert_eq!(tape.value(rolled).data(), [1.0, 2.0, 0.0]);
     }
 }

@@ -1,8 +1,10 @@
 //! How networks are trained, and how runs behave.
 
 use super::wrong;
+use autodiff::OneProcess;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use trainer::Error;
 use trainer::fit::{Budget, FitOptions, RunOptions, standard};
 use trainer::network::StatisticsNets;
@@ -24,7 +26,7 @@ pub struct Training {
     /// Length of the run in pairs.
     #[arg(long, help_heading = "Training")]
     pub pairs: Option<u64>,
-    /// Pairs per step.
+    /// Pairs per step; under mpirun, of each process.
     #[arg(long, help_heading = "Training")]
     pub batch: Option<usize>,
     /// Highest learning rate.
@@ -77,7 +79,7 @@ pub struct Training {
 
 #[derive(Debug, clap::Args)]
 pub struct Behavior {
-    /// Threads that compute [default: one per core].
+    /// Threads that compute, in each process [default: one per core].
     #[arg(long, help_heading = "Run")]
     pub threads: Option<usize>,
     /// Threads that make samples.
@@ -120,9 +122,14 @@ pub enum Statistics {
 }
 
 impl Training {
-    /// How the network is trained that begins as `init`, if there is one; `seed` decides first
-    /// values.
-    pub fn options(&self, init: Option<&Architecture>, seed: u64) -> Result<FitOptions, Error> {
+    /// How the network is trained that begins as `init`, if there is one, by a number of
+    /// `processes`; `seed` decides first values.
+    pub fn options(
+        &self,
+        init: Option<&Architecture>,
+        seed: u64,
+        processes: usize,
+    ) -> Result<FitOptions, Error> {
         let mut options = match self.preset {
             Preset::Cpu => FitOptions::cpu(),
             Preset::Paper => FitOptions::paper(),
@@ -154,6 +161,7 @@ impl Training {
             *to = value.unwrap_or(*to);
         }
         set(&mut options.batch, self.batch);
+        options.batch = options.batch.saturating_mul(processes);
         set(&mut options.peak_rate, self.rate);
         set(&mut options.floor_rate, self.floor_rate);
         set(&mut options.warmup_share, self.warmup_share);
@@ -214,6 +222,7 @@ impl Behavior {
         };
         Ok(RunOptions {
             out: out.into(),
+            processes: Arc::new(OneProcess),
             threads: self.threads(),
             data_threads: self.data_threads.clamp(1, 64),
             checkpoint_minutes: minutes("--checkpoint-minutes", self.checkpoint_minutes)?,

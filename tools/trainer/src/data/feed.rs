@@ -1,6 +1,8 @@
 //! Batches made ahead on worker threads, in order and independent of thread timing.
 
 use super::{Dataset, Sample};
+use crate::error::Error;
+use autodiff::ProcessGroup;
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex};
@@ -11,6 +13,50 @@ use std::thread::JoinHandle;
 struct Order {
     number: u64,
     search_size: usize,
+}
+
+/// The samples of each batch that one of several processes draws: an equal part, in the order of
+/// ranks. Together the parts are the samples that a single process draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    whole: usize,
+    first: usize,
+    len: usize,
+}
+
+impl Part {
+    /// All of a batch.
+    pub fn all(batch: usize) -> Part {
+        Part {
+            whole: batch,
+            first: 0,
+            len: batch,
+        }
+    }
+
+    /// This process's part of a batch.
+    ///
+    /// # Errors
+    /// If the batch cannot be divided into equal parts.
+    pub fn of(batch: usize, processes: &dyn ProcessGroup) -> Result<Part, Error> {
+        let size = processes.size();
+        if !batch.is_multiple_of(size) {
+            let expected = format!("a multiple of {size}, the number of processes");
+            return Err(Error::option("pairs per step", expected, batch));
+        }
+        let len = batch / size;
+        Ok(Part {
+            whole: batch,
+            first: len * processes.rank(),
+            len,
+        })
+    }
+
+    /// Numbers of its samples in batch `number`.
+    fn samples(self, number: u64) -> std::ops::Range<u64> {
+        let first = number * self.whole as u64 + self.first as u64;
+        first..first + self.len as u64
+    }
 }
 
 /// Makes batches of a data set ahead of their use.
@@ -26,11 +72,11 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Batches of `batch` samples from number `first` on, made by `threads` threads, at most
-    /// `ahead` of them waiting.
+    /// A part of each batch from number `first` on, made by `threads` threads, at most `ahead` of
+    /// them waiting.
     pub fn new(
         dataset: Arc<Dataset>,
-        batch: usize,
+        part: Part,
         first: u64,
         threads: usize,
         ahead: usize,
@@ -53,9 +99,9 @@ impl Feed {
                     else {
                         return;
                     };
-                    let index = |i: usize| number * batch as u64 + i as u64;
-                    let samples = (0..batch)
-                        .map(|i| dataset.sample(index(i), search_size))
+                    let samples = part
+                        .samples(number)
+                        .map(|index| dataset.sample(index, search_size))
                         .collect();
                     if outbox.send((number, samples)).is_err() {
                         return;
@@ -122,5 +168,37 @@ impl Drop for Feed {
         for worker in self.workers.drain(..) {
             let _ = worker.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Member;
+
+    #[test]
+    fn parts_of_all_processes_are_the_whole_batch_in_order() {
+        for size in [1, 2, 3, 6] {
+            for number in [0, 1, 7] {
+                let parts = Member::group(size).into_iter().flat_map(|process| {
+                    let part = Part::of(12, &process).unwrap();
+                    part.samples(number)
+                });
+
+                assert!(parts.eq(Part::all(12).samples(number)), "{size}, {number}");
+            }
+        }
+    }
+
+    #[test]
+    fn batch_without_equal_parts_is_refused() {
+        let process = Member::group(3).remove(0);
+
+        let refused = Part::of(16, &process).unwrap_err().to_string();
+
+        assert_eq!(
+            refused,
+            "pairs per step: expected a multiple of 3, the number of processes, found 16"
+        );
     }
 }

@@ -7,6 +7,7 @@ mod export;
 mod folder;
 mod open;
 mod options;
+mod processes;
 mod report;
 mod statistics;
 #[cfg(test)]
@@ -16,14 +17,15 @@ pub use batch::crops_of;
 pub use checkpoint::{Position, State, write_atomically};
 pub use folder::{Claim, refuse_used};
 pub use options::{Budget, FitOptions, OptimizerKind, standard};
+pub use processes::{agree, join};
 
-use crate::data::feed::Feed;
+use crate::data::feed::{Feed, Part};
 use crate::data::{DataOptions, Dataset};
 use crate::error::Error;
 use crate::network::{LossValues, Network};
 use crate::validate::{Report, Validation};
 use autodiff::optim::{Optimizer, clip_gradients};
-use autodiff::{Compute, Mode, Parameters, Tape, Tensor};
+use autodiff::{Compute, Mode, Parameters, ProcessGroup, Tape, Tensor};
 use report::{Reporter, Standing};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -36,7 +38,9 @@ use weights_format::Storage;
 pub struct RunOptions {
     /// Folder of checkpoints, log and curves.
     pub out: PathBuf,
-    /// Threads that compute.
+    /// The processes that share each batch; the first one alone writes.
+    pub processes: Arc<dyn ProcessGroup>,
+    /// Threads that compute, in each process.
     pub threads: usize,
     /// Threads that make samples.
     pub data_threads: usize,
@@ -48,6 +52,13 @@ pub struct RunOptions {
     pub validation: Validation,
     /// Number of further steps after which the run stops as if interrupted.
     pub stop_after: Option<u64>,
+}
+
+impl RunOptions {
+    /// Whether this process validates.
+    fn validates(&self) -> bool {
+        self.processes.is_first() && !self.validation.is_empty()
+    }
 }
 
 /// A network in training.
@@ -167,7 +178,7 @@ impl Fit {
 
     /// Trains to the end of the budget. Writes the log, validates and saves checkpoints on the way.
     ///
-    /// Returns the final accuracy, if the run reaches its end and validates.
+    /// Returns the final accuracy, if the run reaches its end and validates, in the first process.
     ///
     /// # Errors
     /// If the data cannot be opened, a file cannot be written, or a loss is not finite.
@@ -176,14 +187,13 @@ impl Fit {
         dataset: Arc<Dataset>,
         run: &RunOptions,
     ) -> Result<Option<Report>, Error> {
-        std::fs::create_dir_all(&run.out).map_err(Error::io(&run.out))?;
-        let compute = compute(run.threads)?;
-        self.unfold(&compute, &dataset, run.data_threads);
-        let mut reporter = Reporter::open(&run.out, self.position.step)?;
+        let compute = compute(run.threads)?.with_processes(run.processes.clone());
+        let part = Part::of(self.position.options.batch, &*run.processes)?;
+        self.unfold(&compute, &dataset, run.data_threads)?;
+        let mut reporter = self.reporter(run)?;
         let mut watch = Watch::new(self.position.seconds);
-        let batch_size = self.position.options.batch;
         let first = self.position.step;
-        let mut feed = Feed::new(dataset.clone(), batch_size, first, run.data_threads, AHEAD);
+        let mut feed = Feed::new(dataset.clone(), part, first, run.data_threads, AHEAD);
         let mut smooth = Smooth::default();
         while self.progress() < 1.0 {
             if run
@@ -198,7 +208,8 @@ impl Fit {
             let size = samples.first().map_or(0, |sample| sample.search_size);
             let batch = batch::batch(&samples, self.network.architecture());
             let (losses, norm, rate) = self.step(&compute, batch)?;
-            let seconds = start.elapsed().as_secs_f64();
+            // The first process's clock is everyone's: all are equally far.
+            let seconds = run.processes.all(&[start.elapsed().as_secs_f64()])[0];
             self.position.seconds += seconds;
             smooth.add(&losses, seconds, waited);
 
@@ -210,7 +221,7 @@ impl Fit {
             if watch
                 .validate
                 .due(self.position.seconds, run.validate_minutes)
-                && !run.validation.is_empty()
+                && run.validates()
             {
                 self.validate(run, &mut reporter)?;
             }
@@ -218,7 +229,7 @@ impl Fit {
                 .checkpoint
                 .due(self.position.seconds, run.checkpoint_minutes)
             {
-                self.save(&run.out.join("checkpoint.safetensors"))?;
+                self.keep(run, "checkpoint.safetensors")?;
                 reporter.draw()?;
             }
         }
@@ -229,19 +240,46 @@ impl Fit {
                 dataset.unreadable()
             ));
         }
-        self.save(&run.out.join("checkpoint.safetensors"))?;
+        self.keep(run, "checkpoint.safetensors")?;
         self.finish(&compute, dataset, run, &mut reporter)
+    }
+
+    /// The reporter of this process: silent in all but the first one.
+    fn reporter(&self, run: &RunOptions) -> Result<Reporter, Error> {
+        if run.processes.is_first() {
+            std::fs::create_dir_all(&run.out).map_err(Error::io(&run.out))?;
+            Reporter::open(&run.out, self.position.step)
+        } else {
+            Ok(Reporter::silent())
+        }
+    }
+
+    /// Writes a checkpoint into the run's folder, in the first process.
+    fn keep(&self, run: &RunOptions, name: &str) -> Result<(), Error> {
+        if run.processes.is_first() {
+            self.save(&run.out.join(name))
+        } else {
+            Ok(())
+        }
     }
 
     /// Restores batch normalizations that were folded into weights, with the statistics of the
     /// data, so that the network can be trained. Outputs change by rounding only. A no-op for other
     /// networks.
-    pub fn unfold(&mut self, compute: &Compute, dataset: &Arc<Dataset>, data_threads: usize) {
-        if !std::mem::take(&mut self.folded) {
-            return;
+    ///
+    /// # Errors
+    /// If the batch cannot be divided among the processes.
+    pub fn unfold(
+        &mut self,
+        compute: &Compute,
+        dataset: &Arc<Dataset>,
+        data_threads: usize,
+    ) -> Result<(), Error> {
+        if !self.folded {
+            return Ok(());
         }
-        let batch = self.position.options.batch;
-        let mut feed = Feed::new(dataset.clone(), batch, ESTIMATION, data_threads, AHEAD);
+        let part = Part::of(self.position.options.batch, compute.processes())?;
+        let mut feed = Feed::new(dataset.clone(), part, ESTIMATION, data_threads, AHEAD);
         statistics::unfold(
             compute,
             &self.network,
@@ -249,7 +287,9 @@ impl Fit {
             &mut feed,
             UNFOLDING_BATCHES,
         );
+        self.folded = false;
         self.begin_averages();
+        Ok(())
     }
 
     /// Side of the search crops of a batch.
@@ -275,7 +315,7 @@ impl Fit {
         parameters.clear_gradients();
         let mut tape = Tape::new(compute, parameters, Mode::Training);
         let (_, losses) = self.network.losses(&mut tape, batch, &options.losses);
-        let values = losses.values(&tape);
+        let values = losses.values(&tape).over(compute.processes());
         let diverged = |what: &str, found: f64| Error::Diverged {
             step: self.position.step,
             what: what.into(),
@@ -289,6 +329,7 @@ impl Fit {
             return Err(diverged(&format!("the loss {name}"), value));
         }
         tape.backward(losses.total);
+        parameters.add_up(compute.processes());
         let limit = if options.clip > 0.0 {
             options.clip
         } else {
@@ -366,7 +407,7 @@ impl Fit {
             parameter.value = average;
         }
         self.position.options.average = 0.0;
-        let checks = !run.validation.is_empty();
+        let checks = run.validates();
         let running = if checks {
             Some(self.validate(run, reporter)?)
         } else {
@@ -376,8 +417,8 @@ impl Fit {
         let count = self.position.options.estimation_batches;
         if count > 0 {
             let kept = self.parameters.clone();
-            let batch = self.position.options.batch;
-            let mut feed = Feed::new(dataset, batch, ESTIMATION, run.data_threads, AHEAD);
+            let part = Part::of(self.position.options.batch, compute.processes())?;
+            let mut feed = Feed::new(dataset, part, ESTIMATION, run.data_threads, AHEAD);
             statistics::estimate(
                 compute,
                 &self.network,
@@ -402,9 +443,11 @@ impl Fit {
             }
         }
         self.position.finished = true;
-        self.save(&run.out.join("final.safetensors"))?;
-        let weights = self.export(Storage::F32, "drmim", figures.as_ref())?;
-        weights.write(&run.out.join("weights.safetensors"))?;
+        self.keep(run, "final.safetensors")?;
+        if run.processes.is_first() {
+            let weights = self.export(Storage::F32, "drmim", figures.as_ref())?;
+            weights.write(&run.out.join("weights.safetensors"))?;
+        }
         reporter.draw()?;
         Ok(figures)
     }

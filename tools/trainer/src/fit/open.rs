@@ -332,13 +332,13 @@ mod tests {
         };
         let identity = scale(&opened);
         let compute = compute(2).unwrap();
-        opened.unfold(&compute, &dataset, 1);
+        opened.unfold(&compute, &dataset, 1).unwrap();
         assert_close(&outputs(&opened, &dataset), &expected);
         assert_ne!(scale(&opened), identity);
         // With the data's statistics, training mode sees what evaluation mode does, roughly: a
         // batch is small.
         let before = opened.parameters().clone();
-        opened.unfold(&compute, &dataset, 1);
+        opened.unfold(&compute, &dataset, 1).unwrap();
         assert!(
             before.state().eq(opened.parameters().state()),
             "once is enough"

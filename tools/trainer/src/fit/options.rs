@@ -58,7 +58,7 @@ pub struct FitOptions {
     pub freeze: bool,
     /// Largest norm of the gradient; larger ones are scaled down. 0 for no limit.
     pub clip: f32,
-    /// Pairs per step; at least 2.
+    /// Pairs per step, of all processes together; at least 2.
     pub batch: usize,
     /// Length of the run.
     pub budget: Budget,

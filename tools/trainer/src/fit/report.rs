@@ -15,11 +15,16 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub struct Reporter {
     log: Vec<Value>,
-    file: File,
-    path: PathBuf,
-    curves: PathBuf,
+    files: Option<Files>, // none for a silent reporter
     bar: Option<ProgressBar>,
     last_line: Instant,
+}
+
+#[derive(Debug)]
+struct Files {
+    log: File,
+    log_path: PathBuf,
+    curves: PathBuf,
 }
 
 /// Progress of a run.
@@ -44,6 +49,16 @@ pub struct Standing {
 impl Reporter {
     /// Fine steps of the bar.
     const FINE: f64 = 10_000.0;
+
+    /// A reporter that writes and prints nothing.
+    pub fn silent() -> Reporter {
+        Reporter {
+            log: Vec::new(),
+            files: None,
+            bar: None,
+            last_line: Instant::now(),
+        }
+    }
 
     /// Continues the log in `folder` after `step`, or starts one.
     ///
@@ -82,11 +97,14 @@ impl Reporter {
         let last_line = Instant::now()
             .checked_sub(Duration::from_secs(50))
             .unwrap_or_else(Instant::now);
+        let files = Files {
+            log: file,
+            log_path: path,
+            curves: folder.join("curves.svg"),
+        };
         Ok(Reporter {
             log,
-            file,
-            path,
-            curves: folder.join("curves.svg"),
+            files: Some(files),
             bar,
             last_line,
         })
@@ -97,10 +115,14 @@ impl Reporter {
     /// # Errors
     /// If it cannot be written.
     pub fn log(&mut self, entry: Value) -> Result<(), Error> {
+        let Some(files) = &mut self.files else {
+            return Ok(());
+        };
         let line = format!("{entry}\n");
-        self.file
+        files
+            .log
             .write_all(line.as_bytes())
-            .map_err(Error::io(&self.path))?;
+            .map_err(Error::io(&files.log_path))?;
         self.log.push(entry);
         Ok(())
     }
@@ -109,7 +131,8 @@ impl Reporter {
     pub fn say(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            None if self.files.is_some() => eprintln!("{text}"),
+            None => {}
         }
     }
 
@@ -121,7 +144,7 @@ impl Reporter {
                 bar.set_message(text);
                 bar.set_position((standing.progress * Reporter::FINE) as u64);
             }
-            None if self.last_line.elapsed() >= Duration::from_secs(60) => {
+            None if self.files.is_some() && self.last_line.elapsed() >= Duration::from_secs(60) => {
                 self.last_line = Instant::now();
                 eprintln!("{:3.0}% {text}", standing.progress * 100.0);
             }
@@ -134,7 +157,10 @@ impl Reporter {
     /// # Errors
     /// If they cannot be written.
     pub fn draw(&self) -> Result<(), Error> {
-        write_atomically(&self.curves, curves::svg(&self.log).as_bytes())
+        match &self.files {
+            Some(files) => write_atomically(&files.curves, curves::svg(&self.log).as_bytes()),
+            None => Ok(()),
+        }
     }
 }
 

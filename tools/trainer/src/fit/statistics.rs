@@ -129,6 +129,13 @@ pub fn unfold(
             }
         }
     }
+    for of_layer in moments.values_mut() {
+        let own: Vec<f64> = of_layer.iter().flatten().copied().collect();
+        let all = compute.processes().sums(&own);
+        for (moments, all) in of_layer.iter_mut().zip(all.chunks_exact(3)) {
+            moments.copy_from_slice(all);
+        }
+    }
     for (layer, moments) in moments
         .iter()
         .filter(|(layer, _)| !layer.starts_with("dr.e1."))

@@ -2,7 +2,7 @@
 
 use super::{Network, Pass, Prediction, StatisticsNets, Template};
 use crate::targets::{Cells, Targets};
-use autodiff::{BoxDecoder, Focal, Tape, Tensor, Var};
+use autodiff::{BoxDecoder, Focal, ProcessGroup, Tape, Tensor, Var};
 use serde::{Deserialize, Serialize};
 
 /// Weights and limits of the losses.
@@ -113,6 +113,20 @@ impl LossValues {
             ("local", local),
             ("identity", identity),
         ]
+    }
+
+    /// The losses of the whole batch, given those of this process's part.
+    pub fn over(&self, processes: &dyn ProcessGroup) -> LossValues {
+        let sums = processes.sums(&self.named().map(|(_, value)| value));
+        LossValues {
+            total: sums[0],
+            cls: sums[1],
+            centerness: sums[2],
+            iou: sums[3],
+            global: sums[4],
+            local: sums[5],
+            identity: sums[6],
+        }
     }
 
     /// `share` of `newer` and the rest of these.

@@ -77,6 +77,7 @@ fn tiny() -> FitOptions {
 fn run_options(out: &Path) -> RunOptions {
     RunOptions {
         out: out.into(),
+        processes: std::sync::Arc::new(autodiff::OneProcess),
         threads: 2,
         data_threads: 1,
         checkpoint_minutes: 0.0,

@@ -34,7 +34,7 @@ pub fn sweep(
             if ranks.is_none() {
                 let specs: Result<Vec<_>, _> = data.iter().map(|text| text.parse()).collect();
                 let dataset = Arc::new(Dataset::open(&specs?, data_options.clone())?);
-                source.unfold(&compute(threads)?, &dataset, 1);
+                source.unfold(&compute(threads)?, &dataset, 1)?;
                 ranks = Some(Ranks::measure(source, &dataset, pairs, threads)?);
             }
             if let Some(ranks) = &ranks {

@@ -5,7 +5,8 @@
 //! running ones then move toward them with momentum 0.1. The batch is normalized with the biased
 //! variance; the running variance follows the unbiased one, `m / (m - 1)` times as large. In
 //! evaluation the running ones are used, and the backward pass takes them as constants
-//! (docs/method.md, sections 1.1, 3.9).
+//! (docs/method.md, sections 1.1, 3.9). Where processes share a batch, `m` and the sums below are
+//! those of all of them.
 //!
 //! Shapes: `x` and `y` `[.., channels]`, `gamma` and `beta` `[channels]`.
 //!
@@ -111,7 +112,7 @@ impl Tape<'_> {
             mean,
             squares,
             count,
-        } = Moments::of(self.compute, x, part_len(x));
+        } = Moments::of(self.compute, x, part_len(x)).over(self.compute.processes());
         let unbiased = squares.iter().map(|s| s / (count - 1.0).max(1.0));
         let running_mean = &mut self.parameters[running.mean].value;
         follow(running_mean.data_mut(), mean.iter().copied());
@@ -144,7 +145,7 @@ fn part_len(x: &Tensor) -> usize {
 }
 
 impl BatchNorm {
-    /// `dbeta` and `dgamma`. Where ReLU cut off, zeroes `gradient` in place.
+    /// This process's `dbeta` and `dgamma`. Where ReLU cut off, zeroes `gradient` in place.
     fn parameter_gradients(
         &self,
         compute: &Compute,
@@ -188,7 +189,10 @@ impl Operation for BatchNorm {
         if tape.needs_gradient(self.x) {
             let (shift, slope) = match self.mode {
                 Mode::Training => {
-                    let m = rows as f64;
+                    let processes = compute.processes();
+                    let sums = processes.sums(&[&beta[..], &gamma].concat());
+                    let (beta, gamma) = sums.split_at(channels);
+                    let m = (rows * processes.size()) as f64;
                     let slope = gamma
                         .iter()
                         .zip(&self.deviation)

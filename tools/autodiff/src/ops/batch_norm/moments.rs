@@ -1,6 +1,6 @@
 //! Mean and variance per channel, in one pass over memory.
 
-use crate::{Compute, Tensor};
+use crate::{Compute, ProcessGroup, Tensor};
 use kernels::simd::{Kernel, Simd};
 
 /// Count, mean and sum of squared distances from the mean, per channel.
@@ -37,6 +37,18 @@ impl Moments {
                 part.count,
                 part.mean.iter().copied().zip(part.squares.iter().copied()),
             );
+        }
+        all
+    }
+
+    /// Those of all processes together, given this one's.
+    pub fn over(&self, processes: &dyn ProcessGroup) -> Moments {
+        let channels = self.mean.len();
+        let own = [&[self.count], &self.mean[..], &self.squares[..]].concat();
+        let mut all = Moments::none(channels);
+        for part in processes.all(&own).chunks_exact(own.len()) {
+            let (mean, squares) = part[1..].split_at(channels);
+            all.merge(part[0], mean.iter().copied().zip(squares.iter().copied()));
         }
         all
     }
