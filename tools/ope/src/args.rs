@@ -104,7 +104,8 @@ pub struct RunArgs {
     /// Sequences that run at a time [default: one per core]. Times are worth quoting with 1 only.
     #[arg(short, long, value_name = "N")]
     pub jobs: Option<std::num::NonZeroUsize>,
-    /// Run the i-th of n equal parts, for a job array; `ope merge` makes one of separate folders.
+    /// Run every n-th sequence from the i-th on, for a job array. Shards may share the folder, and
+    /// run at the same time; `ope merge` makes one of separate folders.
     #[arg(long, value_name = "i/n", default_value = "1/1")]
     pub shard: ope::run::Shard,
     /// At a picture that this tracker cannot read: hold the last box, or stop and leave the

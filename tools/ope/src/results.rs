@@ -9,6 +9,7 @@ use std::fmt;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// What made the results in a folder. The file `made-by.json` beside them keeps it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -219,7 +220,14 @@ pub fn lines(boxes: &[Rect], separator: &str) -> String {
 /// # Errors
 /// If the file cannot be written.
 pub fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
-    let part = path.with_file_name(format!(".{}.{}.part", file_name(path), std::process::id()));
+    // Shards in containers of their own may have one process number and write into one folder.
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    let unique = format!(
+        "{}-{}",
+        std::process::id(),
+        now.map_or(0, |now| now.as_nanos())
+    );
+    let part = path.with_file_name(format!(".{}.{unique}.part", file_name(path)));
     let written = fs::write(&part, text).and_then(|()| fs::rename(&part, path));
     written.map_err(Error::unwritable(path))
 }

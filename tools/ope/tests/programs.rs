@@ -209,6 +209,51 @@ fn flights_are_rendered_tracked_and_scored() {
 }
 
 #[test]
+fn shards_that_run_at_once_into_one_folder_equal_one_run() {
+    let folder = benchmark("shards");
+    let run = |out: &str, shard: &str| {
+        let options = [
+            "--root",
+            "data",
+            "--dataset",
+            "folder",
+            "--name",
+            "still",
+            "--tracker",
+        ];
+        Command::new(env!("CARGO_BIN_EXE_ope"))
+            .current_dir(folder.path())
+            .arg("run")
+            .args(options)
+            .args([ECHO, "--out", out, "--shard", shard])
+            .spawn()
+            .unwrap()
+    };
+    let mut whole = run("whole", "1/1");
+    let mut shards = ["1/2", "2/2"].map(|shard| run("shards", shard));
+    for child in shards.iter_mut().chain([&mut whole]) {
+        assert!(child.wait().unwrap().success());
+    }
+
+    let files = |out: &str| {
+        let results = folder.path().join(out).join("folder/still");
+        let mut files = Vec::new();
+        for at in [results.clone(), results.join("times")] {
+            for entry in fs::read_dir(at).unwrap().map(Result::unwrap) {
+                if entry.path().is_file() {
+                    let content = fs::read_to_string(entry.path()).unwrap();
+                    files.push((entry.file_name(), content));
+                }
+            }
+        }
+        files.sort();
+        files
+    };
+    assert_eq!(files("shards"), files("whole"));
+    assert_eq!(files("whole").len(), 7, "boxes, times, what made them");
+}
+
+#[test]
 fn results_of_another_tracker_are_neither_kept_nor_overwritten() {
     let folder = benchmark("origin");
     let run = [
