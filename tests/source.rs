@@ -382,6 +382,28 @@ fn gstreamer_pipeline_delivers_its_frames() {
 }
 
 #[test]
+fn gstreamer_buffer_with_padded_rows_is_read_without_its_padding() {
+    if !has_program("gst-launch-1.0", "--version") {
+        return;
+    }
+    // Rows of 176 pixels of which 160 are the picture, as decoders and hardware deliver them.
+    let padded = "gst:videotestsrc pattern=red num-buffers=3 \
+                  ! video/x-raw,format=I420,width=176,height=120,framerate=10/1 \
+                  ! rawvideoparse format=i420 width=160 height=120 framerate=10/1 \
+                  plane-strides=<176,88,88> plane-offsets=<0,21120,26400>";
+
+    let images: Result<Vec<_>, _> = Source::open(&Input::new(padded)).unwrap().collect();
+
+    let images = images.unwrap();
+    assert!(!images.is_empty());
+    for image in images {
+        assert_eq!((image.width, image.height), (160, 120));
+        let pixels = image.data.chunks_exact(3);
+        assert!(pixels.clone().all(|pixel| is_red(pixel.try_into().unwrap())));
+    }
+}
+
+#[test]
 fn own_arguments_reach_ffmpeg() {
     if !has_program("ffmpeg", "-version") {
         return;

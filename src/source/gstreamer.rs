@@ -16,6 +16,9 @@ pub(super) fn command(program: &OsStr, pipeline: &str) -> Command {
     command.args(pipeline.split_whitespace());
     // A queue of one frame that drops: a camera must never wait for its reader.
     command.args("! queue leaky=downstream max-size-buffers=1 max-size-bytes=0".split(' '));
+    // y4menc writes the padding of a buffer as if it were picture. A conversion leaves none, and of
+    // two to different formats at least one takes place.
+    command.args("! videoconvert ! video/x-raw,format=YV12".split(' '));
     command.args("! videoconvert ! video/x-raw,format=I420 ! y4menc ! fdsink fd=1".split(' '));
     command
 }
