@@ -399,7 +399,11 @@ fn gstreamer_buffer_with_padded_rows_is_read_without_its_padding() {
     for image in images {
         assert_eq!((image.width, image.height), (160, 120));
         let pixels = image.data.chunks_exact(3);
-        assert!(pixels.clone().all(|pixel| is_red(pixel.try_into().unwrap())));
+        assert!(
+            pixels
+                .clone()
+                .all(|pixel| is_red(pixel.try_into().unwrap()))
+        );
     }
 }
 
