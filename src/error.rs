@@ -31,6 +31,14 @@ pub enum FrameError {
         /// Bytes needed.
         expected: usize,
     },
+    /// The picture has another number of planes.
+    #[error("frame of {found} planes, expected {expected}")]
+    Planes {
+        /// Planes found.
+        found: usize,
+        /// Planes of this order.
+        expected: usize,
+    },
 }
 
 /// Reason why the tracker refused a call.

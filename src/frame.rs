@@ -1,44 +1,12 @@
-//! A borrowed picture: pixels, size, stride, channel order. The tracker never copies it.
+//! A borrowed picture: pixels, size, strides, order of samples. The tracker never copies it, and
+//! converts those pixels only that it reads.
 
 use crate::error::FrameError;
+use kernels::pixels::{Pixels, PlaneShape};
+use kernels::{Isa, Size};
 use std::fmt;
 
-/// Order and number of one pixel's bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ChannelOrder {
-    /// Three bytes: red, green, blue.
-    Rgb,
-    /// Three bytes: blue, green, red.
-    Bgr,
-    /// Four bytes: red, green, blue and an ignored one.
-    Rgba,
-    /// Four bytes: blue, green, red and an ignored one.
-    Bgra,
-    /// One byte, used for all three channels.
-    Gray,
-}
-
-impl ChannelOrder {
-    /// Bytes from one pixel to the next.
-    pub const fn bytes_per_pixel(self) -> usize {
-        match self {
-            ChannelOrder::Rgb | ChannelOrder::Bgr => 3,
-            ChannelOrder::Rgba | ChannelOrder::Bgra => 4,
-            ChannelOrder::Gray => 1,
-        }
-    }
-
-    /// Offsets of blue, green and red within a pixel; the network reads BGR.
-    ///
-    /// Source: docs/method.md, section 2.3.
-    pub const fn bgr_offsets(self) -> [usize; 3] {
-        match self {
-            ChannelOrder::Rgb | ChannelOrder::Rgba => [2, 1, 0],
-            ChannelOrder::Bgr | ChannelOrder::Bgra => [0, 1, 2],
-            ChannelOrder::Gray => [0, 0, 0],
-        }
-    }
-}
+pub use kernels::pixels::{ChannelOrder, Plane};
 
 /// Width and height of a frame in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -59,18 +27,14 @@ impl fmt::Display for FrameSize {
 /// One picture, borrowed from the caller.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    data: &'a [u8], // height rows of `stride` bytes; the last one may end after its pixels
-    width: usize,
-    height: usize,
-    stride: usize,
-    order: ChannelOrder,
+    pixels: Pixels<'a>,
 }
 
 impl<'a> Frame<'a> {
     /// Largest width and height accepted, in pixels.
     pub const MAX_SIDE: usize = 1 << 15;
 
-    /// A frame without gaps between its rows.
+    /// A frame without gaps between its rows, and between its planes if it has several.
     ///
     /// # Errors
     /// As [`with_stride`](Self::with_stride).
@@ -84,12 +48,13 @@ impl<'a> Frame<'a> {
             data,
             width,
             height,
-            width.saturating_mul(order.bytes_per_pixel()),
+            order.row_bytes(width.min(Self::MAX_SIDE + 1)),
             order,
         )
     }
 
-    /// A frame whose rows start `stride` bytes apart.
+    /// A frame whose rows start `stride` bytes apart; planes follow each other, and those of half
+    /// the width have half of the stride, rounded up.
     ///
     /// # Errors
     /// If a side is 0 or above [`MAX_SIDE`](Self::MAX_SIDE), the stride is shorter than a row, or
@@ -101,93 +66,160 @@ impl<'a> Frame<'a> {
         stride: usize,
         order: ChannelOrder,
     ) -> Result<Self, FrameError> {
-        if !(1..=Self::MAX_SIDE).contains(&width) || !(1..=Self::MAX_SIDE).contains(&height) {
-            return Err(FrameError::Size {
-                width,
-                height,
-                max: Self::MAX_SIDE,
-            });
-        }
-        let row = width * order.bytes_per_pixel();
-        if stride < row {
-            return Err(FrameError::Stride {
-                stride,
-                expected: row,
-            });
-        }
-        let expected = stride.saturating_mul(height - 1).saturating_add(row);
+        let expected = Self::bytes(width, height, stride, order)?;
         if data.len() < expected {
             return Err(FrameError::Data {
                 found: data.len(),
                 expected,
             });
         }
+        let mut planes = [Plane { data, stride }; MAX_PLANES];
+        let mut count = 0;
+        let mut rest = data;
+        for (plane, shape) in planes
+            .iter_mut()
+            .zip(order.planes(size(width, height), stride))
+        {
+            *plane = Plane {
+                data: rest,
+                stride: shape.stride,
+            };
+            rest = rest.get(shape.stride * shape.rows..).unwrap_or_default();
+            count += 1;
+        }
+        Self::from_planes(&planes[..count], width, height, order)
+    }
+
+    /// A frame of planes that lie anywhere.
+    ///
+    /// # Errors
+    /// If a side is 0 or above [`MAX_SIDE`](Self::MAX_SIDE), there are not as many planes as the
+    /// order has, a stride is shorter than a row, or a plane ends before its last sample.
+    pub fn from_planes(
+        planes: &[Plane<'a>],
+        width: usize,
+        height: usize,
+        order: ChannelOrder,
+    ) -> Result<Self, FrameError> {
+        let size = checked(width, height)?;
+        let expected = order.planes(size, 0).count();
+        if planes.len() != expected {
+            return Err(FrameError::Planes {
+                found: planes.len(),
+                expected,
+            });
+        }
+        for (shape, Plane { data, stride }) in order.planes(size, 0).zip(planes) {
+            let stride = *stride;
+            if stride < shape.row {
+                return Err(FrameError::Stride {
+                    stride,
+                    expected: shape.row,
+                });
+            }
+            let expected = PlaneShape { stride, ..shape }.bytes();
+            if data.len() < expected {
+                return Err(FrameError::Data {
+                    found: data.len(),
+                    expected,
+                });
+            }
+        }
         Ok(Frame {
-            data,
-            width,
-            height,
-            stride,
-            order,
+            pixels: Pixels::new(order, size, planes),
         })
+    }
+
+    /// Bytes that [`with_stride`](Self::with_stride) needs; the last row may end after its pixels.
+    ///
+    /// # Errors
+    /// If a side is 0 or above [`MAX_SIDE`](Self::MAX_SIDE), or the stride is shorter than a row.
+    pub fn bytes(
+        width: usize,
+        height: usize,
+        stride: usize,
+        order: ChannelOrder,
+    ) -> Result<usize, FrameError> {
+        let size = checked(width, height)?;
+        let mut before = 0usize; // bytes of the planes before
+        let mut bytes = 0;
+        for shape in order.planes(size, stride) {
+            if shape.stride < shape.row {
+                return Err(FrameError::Stride {
+                    stride: shape.stride,
+                    expected: shape.row,
+                });
+            }
+            bytes = before.saturating_add(shape.bytes());
+            before = before.saturating_add(shape.stride.saturating_mul(shape.rows));
+        }
+        Ok(bytes)
     }
 
     /// Width and height in pixels.
     pub fn size(&self) -> FrameSize {
         FrameSize {
-            width: self.width,
-            height: self.height,
+            width: self.width(),
+            height: self.height(),
         }
     }
 
     /// Width in pixels.
     pub fn width(&self) -> usize {
-        self.width
+        self.pixels.size().w
     }
 
     /// Height in pixels.
     pub fn height(&self) -> usize {
-        self.height
+        self.pixels.size().h
     }
 
-    /// Bytes from one row to the next.
-    pub fn stride(&self) -> usize {
-        self.stride
+    /// The pixels as the kernels take them.
+    pub(crate) fn pixels(&self) -> &Pixels<'a> {
+        &self.pixels
     }
 
-    /// Channel order.
-    pub fn order(&self) -> ChannelOrder {
-        self.order
+    /// Blue, green and red of one pixel.
+    ///
+    /// # Panics
+    /// If it lies outside of the frame.
+    #[inline]
+    pub fn bgr(&self, x: usize, y: usize) -> [u8; 3] {
+        self.pixels.bgr(x, y)
     }
 
-    /// All bytes, row after row, `stride` apart.
-    pub fn data(&self) -> &'a [u8] {
-        self.data
-    }
-
-    /// The pixels of row `y`, without the gap after them.
-    pub fn row(&self, y: usize) -> &'a [u8] {
-        &self.data[y * self.stride..][..self.width * self.order.bytes_per_pixel()]
+    /// The whole frame in RGB, row after row without gaps.
+    pub fn to_rgb(&self) -> Vec<u8> {
+        let mut rgb = vec![0; 3 * self.pixels.size().area()];
+        self.pixels.write_rgb(&mut rgb);
+        rgb
     }
 
     /// Mean of blue, green and red over all pixels, truncated: the border color of the crops.
     ///
     /// Source: docs/method.md, section 2.2.
-    pub fn mean_bgr(&self) -> [u8; 3] {
-        let step = self.order.bytes_per_pixel();
-        let offsets = self.order.bgr_offsets();
-        let mut sums = [0u64; 3];
-        for y in 0..self.height {
-            let mut row_sums = [0u32; 3]; // holds a row of 2^15 pixels of 255
-            for pixel in self.row(y).chunks_exact(step) {
-                for (sum, offset) in row_sums.iter_mut().zip(offsets) {
-                    *sum += u32::from(pixel[offset]);
-                }
-            }
-            for (sum, row_sum) in sums.iter_mut().zip(row_sums) {
-                *sum += u64::from(row_sum);
-            }
-        }
-        sums.map(|sum| (sum / (self.width * self.height) as u64) as u8)
+    pub fn mean_bgr(&self, isa: Isa) -> [u8; 3] {
+        self.pixels.mean_bgr(isa)
+    }
+}
+
+/// Most planes of a frame.
+const MAX_PLANES: usize = 3;
+
+fn size(width: usize, height: usize) -> Size {
+    Size {
+        h: height,
+        w: width,
+    }
+}
+
+/// The size, if a frame may have it.
+fn checked(width: usize, height: usize) -> Result<Size, FrameError> {
+    let max = Frame::MAX_SIDE;
+    if (1..=max).contains(&width) && (1..=max).contains(&height) {
+        Ok(size(width, height))
+    } else {
+        Err(FrameError::Size { width, height, max })
     }
 }
 
@@ -219,8 +251,8 @@ mod tests {
     fn mean_of_a_frame_is_bgr_and_truncated() {
         let rgb = [10, 20, 30, 11, 21, 32, 99, 99]; // two pixels, then a gap
         let frame = Frame::with_stride(&rgb, 2, 1, 8, ChannelOrder::Rgb).unwrap();
-        assert_eq!(frame.mean_bgr(), [31, 20, 10]);
+        assert_eq!(frame.mean_bgr(Isa::detect()), [31, 20, 10]);
         let gray = Frame::new(&[1, 2, 4, 4], 2, 2, ChannelOrder::Gray).unwrap();
-        assert_eq!(gray.mean_bgr(), [2, 2, 2]);
+        assert_eq!(gray.mean_bgr(Isa::detect()), [2, 2, 2]);
     }
 }

@@ -54,7 +54,7 @@ pub use bbox::BBox;
 pub use config::TrackConfig;
 pub use error::{FrameError, ModelError, TrackError};
 pub use flight::{FlightOptions, FlightTrack, FlightTracker, State};
-pub use frame::{ChannelOrder, Frame, FrameSize};
+pub use frame::{ChannelOrder, Frame, FrameSize, Plane};
 pub use kernels::Isa;
 pub use kernels::par::Cores;
 pub use model::{Model, Precision};

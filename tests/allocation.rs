@@ -5,8 +5,12 @@ use track_cpu::{BBox, ChannelOrder, Frame, Isa, Model, Tracker};
 #[test]
 fn update_after_the_first_allocates_nothing() {
     let data: Vec<u8> = (0..320 * 240 * 3).map(|i| (i * 7 % 251) as u8).collect();
-    let frame = Frame::new(&data, 320, 240, ChannelOrder::Rgb).unwrap();
-    for isa in Isa::available() {
+    let orders = [ChannelOrder::Rgb, ChannelOrder::Nv12];
+    let frames = orders.map(|order| Frame::new(&data, 320, 240, order).unwrap());
+    for (isa, frame) in Isa::available()
+        .into_iter()
+        .flat_map(|isa| frames.map(|frame| (isa, frame)))
+    {
         let mut tracker = Tracker::new(Model::builtin(isa));
         let first = allocation_counter::measure(|| {
             tracker

@@ -1,9 +1,10 @@
 //! The tracker's behavior through its public API, on rendered frames.
 
 use track_cpu::error::TrackError;
+use track_cpu::flight::{Budget, FlightOptions, FlightTracker};
 use track_cpu::{
-    BBox, ChannelOrder, Frame, FrameSize, Isa, Model, Precision, SearchRegion, SizeChange, Track,
-    Tracker, TrackerOptions,
+    BBox, ChannelOrder, Frame, FrameSize, Isa, Model, Plane, Precision, SearchRegion, SizeChange,
+    Track, Tracker, TrackerOptions,
 };
 
 /// Size of most frames.
@@ -360,6 +361,115 @@ fn frames_in_any_channel_order_and_stride_give_the_same_boxes() {
             let data = converted(i);
             let track = tracker.update(&view(&data, stride, order)).unwrap();
             assert_eq!(track, *expected, "{order:?}");
+        }
+    }
+}
+
+/// A frame of YUV whose chroma comes from the first pixel that shares it, as planes with `gap` bytes
+/// behind each row of the first.
+fn yuv(rgb: &[u8], order: ChannelOrder, gap: usize) -> Vec<(Vec<u8>, usize)> {
+    let convert = |x: usize, y: usize| -> [u8; 3] {
+        let [r, g, b] = [0, 1, 2].map(|i| i32::from(rgb[3 * (y * WIDTH + x) + i]));
+        [
+            (66 * r + 129 * g + 25 * b + 4224) >> 8,
+            (-38 * r - 74 * g + 112 * b + 32896) >> 8,
+            (112 * r - 94 * g - 18 * b + 32896) >> 8,
+        ]
+        .map(|value| value as u8)
+    };
+    let luma = |x: usize, y: usize| convert(x.min(WIDTH - 1), y)[0];
+    let chroma = |x: usize, y: usize| convert(x, y).last_chunk::<2>().copied().unwrap();
+    let (halves, rows) = ((0..WIDTH).step_by(2), (0..HEIGHT).step_by(2));
+    let whole: Vec<u8> = (0..HEIGHT)
+        .flat_map(|y| (0..WIDTH).map(move |x| luma(x, y)))
+        .collect();
+    let half = |channel: usize| -> Vec<u8> {
+        let (halves, rows) = (halves.clone(), rows.clone());
+        let places = rows.flat_map(|y| halves.clone().map(move |x| (x, y)));
+        places.map(|(x, y)| chroma(x, y)[channel]).collect()
+    };
+    let (u, v) = (half(0), half(1));
+    let pairs = |a: &[u8], b: &[u8]| -> Vec<u8> {
+        let pairs = a.iter().zip(b);
+        pairs.flat_map(|(a, b)| [*a, *b]).collect()
+    };
+    let planes = match order {
+        ChannelOrder::Nv12 => vec![whole, pairs(&u, &v)],
+        ChannelOrder::Nv21 => vec![whole, pairs(&v, &u)],
+        ChannelOrder::I420 => vec![whole, u, v],
+        _ => {
+            let places = (0..HEIGHT).flat_map(|y| halves.clone().map(move |x| (x, y)));
+            let groups = places.flat_map(|(x, y)| {
+                let ([u, v], first, second) = (chroma(x, y), luma(x, y), luma(x + 1, y));
+                if order == ChannelOrder::Yuyv {
+                    [first, u, second, v]
+                } else {
+                    [u, first, v, second]
+                }
+            });
+            vec![groups.collect()]
+        }
+    };
+    let heights = [HEIGHT, HEIGHT.div_ceil(2), HEIGHT.div_ceil(2)];
+    let padded = planes.into_iter().zip(heights).map(|(plane, rows)| {
+        let row = plane.len() / rows;
+        let padded = plane
+            .chunks(row)
+            .flat_map(|row| [row, &vec![9; gap]].concat());
+        (padded.collect(), row + gap)
+    });
+    padded.collect()
+}
+
+fn planes(planes: &[(Vec<u8>, usize)], order: ChannelOrder) -> Frame<'_> {
+    let lent = planes.iter().map(|(data, stride)| Plane {
+        data,
+        stride: *stride,
+    });
+    Frame::from_planes(&lent.collect::<Vec<_>>(), WIDTH, HEIGHT, order).unwrap()
+}
+
+#[test]
+fn frames_of_yuv_give_the_boxes_of_the_converted_ones_in_every_mode() {
+    for (order, gap) in [
+        (ChannelOrder::Nv12, 0),
+        (ChannelOrder::Nv21, 6),
+        (ChannelOrder::I420, 3),
+        (ChannelOrder::Yuyv, 0),
+        (ChannelOrder::Uyvy, 5),
+    ] {
+        let model = Model::builtin(Isa::detect());
+        let flying = || FlightTracker::new(model.clone(), FlightOptions::new(&model)).unwrap();
+        let (mut plain, mut expected_plain) = (tracker(1), tracker(1));
+        let (mut flight, mut expected_flight) = (flying(), flying());
+        for i in 0..6 {
+            let data = yuv(&moving(i), order, gap);
+            let frame = planes(&data, order);
+            let rgb = frame.to_rgb();
+            let converted = Frame::new(&rgb, WIDTH, HEIGHT, ChannelOrder::Rgb).unwrap();
+            if i == 0 {
+                let bbox = cross_box(path(0));
+                for (tracker, frame) in [(&mut plain, &frame), (&mut expected_plain, &converted)] {
+                    tracker.init(frame, bbox).unwrap();
+                }
+                for (tracker, frame) in [(&mut flight, &frame), (&mut expected_flight, &converted)]
+                {
+                    tracker.init(frame, bbox).unwrap();
+                }
+                continue;
+            }
+
+            let track = plain.update(&frame).unwrap();
+            let flown = flight.update(&frame, Budget::Searches(2)).unwrap();
+
+            assert_eq!(
+                track,
+                expected_plain.update(&converted).unwrap(),
+                "{order:?}"
+            );
+            let expected = expected_flight.update(&converted, Budget::Searches(2));
+            assert_eq!(flown, expected.unwrap(), "{order:?}");
+            assert_on_target(i, &track, cross_box(path(i)), 0.5);
         }
     }
 }

@@ -13,7 +13,8 @@
 //! | max-pool 3x3/2 | `y = max x`, ceil mode | `[H, W, C] -> [H', W', C]` | [`mod@pool`] |
 //! | cross-correlation | `y = sum of x z`, per channel | `[H, W, C], [k, k, C] -> [H-k+1, W-k+1, C]` | [`mod@xcorr`] |
 //! | filter, adjoint | `y = sum of x f`, all channels | `[H, W, C], [k, k, C] -> [H-k+1, W-k+1]` | [`filter`] |
-//! | crop and resize | bilinear, constant border | `u8 [h, w, 1..=4] -> u8 [D, D, 3]` | [`mod@resample`] |
+//! | pixels | YUV in any layout to BGR | planes of `u8` -> `[b, g, r]` | [`pixels`] |
+//! | crop and resize | bilinear, constant border | pixels -> `u8 [D, D, 3]` | [`mod@resample`] |
 //! | sigmoid, exp | `y = 1 / (1 + exp(-x))`, `y = exp(x)` | `[n] -> [n]` | [`pointwise`] |
 //!
 //! Convolutions take about 90 % of a frame's time, the tracker's filter 6 %, pools and crops 2 %
@@ -70,6 +71,7 @@ pub mod filter;
 pub mod gemm;
 pub mod isa;
 pub mod par;
+pub mod pixels;
 pub mod pointwise;
 pub mod pool;
 pub mod quant;

@@ -135,19 +135,20 @@ pub fn filter_adjoint(size: Size, filter: Size, channels: usize, x: &[f32], r: &
     g
 }
 
-/// One bilinear sample of channel `offset` at (`x`, `y`), outside pixels being `border`; not
+/// One bilinear sample of a channel of BGR at (`x`, `y`), outside pixels being `border`; not
 /// rounded.
 pub fn sample(
-    image: &crate::resample::Pixels<'_>,
-    offset: usize,
+    image: &crate::pixels::Pixels<'_>,
+    channel: usize,
     x: f64,
     y: f64,
     border: u8,
 ) -> f64 {
+    let Size { h, w } = image.size();
     let tap = |x: f64, y: f64| {
-        let inside = x >= 0.0 && y >= 0.0 && x < image.size.w as f64 && y < image.size.h as f64;
-        let at = || y as usize * image.stride + x as usize * image.bytes_per_pixel + offset;
-        f64::from(if inside { image.data[at()] } else { border })
+        let inside = x >= 0.0 && y >= 0.0 && x < w as f64 && y < h as f64;
+        let at = || image.bgr(x as usize, y as usize)[channel];
+        f64::from(if inside { at() } else { border })
     };
     let (x0, y0) = (x.floor(), y.floor());
     let (fx, fy) = (x - x0, y - y0);

@@ -1,29 +1,16 @@
 //! Crop and resize: `out[j, i] = bilinear(image, x0 + step_x i, y0 + step_y j)`, rounded to the
 //! nearest byte. Taps outside of the image are a constant border (`docs/method.md`, section 2.2).
 //!
-//! Shapes: `u8 [h, w, 1..=4]` with a stride `-> u8 [D, D, 3]`. Cost: per output row one pass that
-//! blends two source rows into one, and `3 D` samples of two taps from it. A column's source
-//! coordinate is the same in every row, and is computed once.
+//! Shapes: a picture of [`Pixels`] `-> u8 [D, D, 3]` in the order blue, green, red. Cost: per output
+//! row one pass that blends two source rows into one, and `3 D` samples of two taps from it. A
+//! column's source coordinate is the same in every row, and is computed once. Source rows of YUV
+//! are converted when they are read, within the columns that are.
 
 use crate::par::Threads;
+use crate::pixels::{Pixels, RowReader};
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Size};
 use wide::f32x4;
-
-/// An image as it lies in memory.
-#[derive(Clone, Copy, Debug)]
-pub struct Pixels<'a> {
-    /// Rows of `stride` bytes.
-    pub data: &'a [u8],
-    /// Height and width in pixels.
-    pub size: Size,
-    /// Bytes from one row to the next.
-    pub stride: usize,
-    /// Bytes from one pixel to the next.
-    pub bytes_per_pixel: usize,
-    /// Offsets of the three output channels within a pixel.
-    pub offsets: [usize; 3],
-}
 
 /// Where the samples are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,12 +54,12 @@ impl Tap {
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     columns: Vec<Tap>,
-    blended: Vec<f32>, // one source row and one sampled row per thread
+    blended: Vec<f32>, // one source row, one sampled row and the converted rows per thread
 }
 
 /// Samples `image` on `grid` into `out` (`[side, side, 3]`).
 ///
-/// Panics if a length is not that of its shape, or if the image's rows do not lie within its data.
+/// Panics if `out` does not have the length of its shape.
 pub fn resample(
     isa: Isa,
     threads: &Threads,
@@ -82,22 +69,13 @@ pub fn resample(
     scratch: &mut Scratch,
     out: &mut [u8],
 ) {
-    let Size { h, w } = image.size;
+    let Size { w, .. } = image.size();
+    let (bytes_per_pixel, _) = image.row_format();
     assert_eq!(out.len(), grid.side * grid.side * 3, "output of resample");
-    assert!(
-        image
-            .offsets
-            .iter()
-            .all(|o| *o < image.bytes_per_pixel.min(4)),
-        "channels of a pixel"
-    );
-    assert!(
-        h > 0 && w > 0 && image.data.len() >= (h - 1) * image.stride + w * image.bytes_per_pixel
-    );
     let Scratch { columns, blended } = scratch;
     columns.clear();
     columns.extend((0..grid.side).map(|i| Tap::new(grid.x0 + grid.step_x * i as f64)));
-    let row_len = w * image.bytes_per_pixel + SLACK + 4 * grid.side;
+    let row_len = w * bytes_per_pixel + SLACK + 4 * grid.side + image.row_scratch_len();
     blended.resize(blended.len().max(row_len * threads.count()), 0.0);
     let columns = &columns[..];
     let inner = inner_columns(columns, w);
@@ -129,7 +107,7 @@ struct Rows<'a> {
     columns: &'a [Tap],
     inner: std::ops::Range<usize>, // columns that lie inside
     first_row: usize,              // of the output, that `out` starts at
-    blended: &'a mut [f32],        // room for a source row
+    blended: &'a mut [f32],        // room for a source row and what is made of it
     out: &'a mut [u8],
 }
 
@@ -148,13 +126,9 @@ impl Kernel for Rows<'_> {
             blended,
             out,
         } = self;
-        let Size { h, w } = image.size;
-        let row = |y: usize| &image.data[y * image.stride..][..w * image.bytes_per_pixel];
-        let read = match &columns[inner.clone()] {
-            [first, .., last] => first.first as usize..last.first as usize + 2,
-            _ => 0..0,
-        };
-        let read = read.start * image.bytes_per_pixel..read.end * image.bytes_per_pixel;
+        let Size { h, .. } = image.size();
+        let (converted, blended) = blended.split_at_mut(image.row_scratch_len());
+        let mut source = RowReader::new(image, columns_read(columns, image.size().w), converted);
         let mut prefetched = 0; // source rows
         for (j, out) in out.chunks_exact_mut(grid.side * 3).enumerate() {
             let tap = |j: usize| Tap::new(grid.y0 + grid.step_y * (first_row + j) as f64);
@@ -163,17 +137,21 @@ impl Kernel for Rows<'_> {
                 .indices(h)
                 .map(|y| y.filter(|y| *y >= prefetched));
             for y in [top, bottom].into_iter().flatten() {
-                let bytes = &row(y)[read.clone()];
-                for at in (0..bytes.len()).step_by(size_of::<crate::simd::Line>()) {
-                    simd.prefetch(bytes, at);
+                for bytes in source.sources(y) {
+                    for at in (0..bytes.len()).step_by(size_of::<crate::simd::Line>()) {
+                        simd.prefetch(bytes, at);
+                    }
                 }
                 prefetched = y + 1;
             }
             // Columns left of the image, inside, and right of it.
             let tap = tap(j);
-            let rows = tap.indices(h).map(|y| y.map(row));
+            let rows = tap.indices(h);
+            rows.into_iter().flatten().for_each(|y| source.load(y));
+            let rows = rows.map(|y| y.map(|y| source.row(y)));
             let line = Line {
-                image,
+                format: image.row_format(),
+                w: image.size().w,
                 border,
                 rows,
                 share: tap.share,
@@ -199,9 +177,19 @@ fn inner_columns(columns: &[Tap], w: usize) -> std::ops::Range<usize> {
     start.min(end)..end
 }
 
+/// The columns of a row of `w` that are read: those of all taps that lie inside.
+fn columns_read(columns: &[Tap], w: usize) -> std::ops::Range<usize> {
+    let inside = |x: i64| x.clamp(0, w as i64) as usize;
+    match (columns.first(), columns.last()) {
+        (Some(first), Some(last)) => inside(first.first.into())..inside(i64::from(last.first) + 2),
+        _ => 0..0,
+    }
+}
+
 /// One output row: two source rows, if they exist, and the weight of the lower one.
 struct Line<'a> {
-    image: &'a Pixels<'a>,
+    format: (usize, [usize; 3]), // bytes per pixel, and offsets of the output's channels
+    w: usize,
     border: [u8; 3],
     rows: [Option<&'a [u8]>; 2],
     share: f32,
@@ -218,7 +206,7 @@ impl Line<'_> {
         blended: &mut [f32],
         out: &mut [u8],
     ) {
-        let (bpp, [o0, o1, o2]) = (self.image.bytes_per_pixel, self.image.offsets);
+        let (bpp, [o0, o1, o2]) = self.format;
         let ([first, ..], [.., last]) = (columns, columns) else {
             return;
         };
@@ -253,10 +241,10 @@ impl Line<'_> {
 
     /// Columns that may lie outside: every tap is checked.
     fn border(&self, columns: &[Tap], out: &mut [u8]) {
-        let (bpp, w) = (self.image.bytes_per_pixel, self.image.size.w);
+        let (w, (bpp, offsets)) = (self.w, self.format);
         for (tap, out) in columns.iter().zip(out.chunks_exact_mut(3)) {
             let [left, right] = tap.indices(w);
-            for ((value, o), border) in out.iter_mut().zip(self.image.offsets).zip(self.border) {
+            for ((value, o), border) in out.iter_mut().zip(offsets).zip(self.border) {
                 let read = |row: Option<&[u8]>, x: Option<usize>| match (row, x) {
                     (Some(row), Some(x)) => row[x * bpp + o],
                     _ => border,
@@ -299,96 +287,115 @@ const ROUND: f32 = 8_388_608.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pixels::{ChannelOrder, Plane};
     use crate::reference;
 
-    fn image(size: Size, bytes_per_pixel: usize, gap: usize) -> (Vec<u8>, usize) {
-        let stride = size.w * bytes_per_pixel + gap;
-        let data = testing::noise(stride * size.h, 11);
-        (
-            data.iter().map(|v| (v * 127.0 + 128.0) as u8).collect(),
-            stride,
-        )
+    const BORDER: [u8; 3] = [3, 120, 255];
+
+    const GRIDS: [Grid; 6] = [
+        grid(2.25, 1.5, (0.31, 0.31), 17),
+        grid(-7.3, -4.9, (1.9, 0.7), 23),
+        grid(-100.0, 3.0, (1.0, 1.0), 9),
+        grid(4.0, 500.0, (2.5, 2.5), 9),
+        grid(-1.0, -1.0, (1.0, 1.0), 12),
+        grid(-1e12, 1e12, (1e9, 1e9), 5),
+    ];
+
+    const fn grid(x0: f64, y0: f64, (step_x, step_y): (f64, f64), side: usize) -> Grid {
+        Grid {
+            x0,
+            y0,
+            step_x,
+            step_y,
+            side,
+        }
+    }
+
+    /// Bytes of noise for the planes of a picture with `gap` bytes behind each row of the first.
+    fn planes(order: ChannelOrder, size: Size, gap: usize) -> Vec<(Vec<u8>, usize)> {
+        let stride = order.row_bytes(size.w) + gap;
+        let noise = |bytes: usize| -> Vec<u8> {
+            let noise = testing::noise(bytes, 11);
+            noise.iter().map(|v| (v * 127.0 + 128.0) as u8).collect()
+        };
+        let shapes = order.planes(size, stride);
+        shapes
+            .map(|shape| (noise(shape.bytes()), shape.stride))
+            .collect()
+    }
+
+    fn pixels(order: ChannelOrder, size: Size, planes: &[(Vec<u8>, usize)]) -> Pixels<'_> {
+        let lent = planes.iter().map(|(data, stride)| Plane {
+            data,
+            stride: *stride,
+        });
+        Pixels::new(order, size, &lent.collect::<Vec<_>>())
+    }
+
+    fn crop(isa: Isa, threads: usize, image: &Pixels<'_>, grid: &Grid) -> Vec<u8> {
+        let threads = Threads::new(threads);
+        let mut out = vec![0; grid.side * grid.side * 3];
+        let mut scratch = Scratch::default();
+        threads.enter(|| resample(isa, &threads, image, BORDER, grid, &mut scratch, &mut out));
+        out
+    }
+
+    fn runs() -> impl Iterator<Item = (Isa, usize)> {
+        Isa::available()
+            .into_iter()
+            .flat_map(|isa| [(isa, 1), (isa, 3)])
+    }
+
+    #[test]
+    fn crops_of_every_order_equal_those_of_the_converted_picture() {
+        for order in ChannelOrder::ALL {
+            for (h, w, gap) in [(40, 60, 0), (41, 63, 7), (9, 7, 3), (2, 1, 0), (1, 2, 5)] {
+                let size = Size { h, w };
+                let planes = planes(order, size, gap);
+                let image = pixels(order, size, &planes);
+                let mut rgb = vec![0; 3 * size.area()];
+                image.write_rgb(&mut rgb);
+                let rgb = [(rgb, 3 * w)];
+                let converted = pixels(ChannelOrder::Rgb, size, &rgb);
+                let more = [
+                    grid(3.7, 2.2, (1.0, 1.0), 31),
+                    grid(-5.5, -9.25, (2.75, 3.5), 20),
+                    grid(20.1, 30.9, (0.9, 0.4), 57),
+                ];
+                for grid in GRIDS.iter().chain(&more) {
+                    for (isa, threads) in runs() {
+                        assert_eq!(
+                            crop(isa, threads, &image, grid),
+                            crop(isa, threads, &converted, grid),
+                            "{isa} {order:?} {size:?} {grid:?}"
+                        );
+                    }
+                }
+            }
+        }
     }
 
     #[test]
     fn resampled_images_of_any_layout_equal_the_reference() {
-        let border = [3, 120, 255];
-        for (h, w, bytes_per_pixel, gap, offsets) in [
-            (20, 30, 3, 0, [0, 1, 2]),
-            (20, 31, 3, 5, [2, 1, 0]),
-            (9, 7, 4, 0, [2, 1, 0]),
-            (12, 5, 1, 3, [0, 0, 0]),
-            (1, 1, 3, 0, [0, 1, 2]),
+        for (h, w, order, gap) in [
+            (20, 30, ChannelOrder::Bgr, 0),
+            (20, 31, ChannelOrder::Rgb, 5),
+            (9, 7, ChannelOrder::Rgba, 0),
+            (12, 5, ChannelOrder::Gray, 3),
+            (20, 31, ChannelOrder::Nv12, 3),
+            (1, 1, ChannelOrder::Bgr, 0),
         ] {
             let size = Size { h, w };
-            let (data, stride) = image(size, bytes_per_pixel, gap);
-            let image = Pixels {
-                data: &data,
-                size,
-                stride,
-                bytes_per_pixel,
-                offsets,
-            };
-            for grid in [
-                Grid {
-                    x0: 2.25,
-                    y0: 1.5,
-                    step_x: 0.31,
-                    step_y: 0.31,
-                    side: 17,
-                },
-                Grid {
-                    x0: -7.3,
-                    y0: -4.9,
-                    step_x: 1.9,
-                    step_y: 0.7,
-                    side: 23,
-                },
-                Grid {
-                    x0: -100.0,
-                    y0: 3.0,
-                    step_x: 1.0,
-                    step_y: 1.0,
-                    side: 9,
-                },
-                Grid {
-                    x0: 4.0,
-                    y0: 500.0,
-                    step_x: 2.5,
-                    step_y: 2.5,
-                    side: 9,
-                },
-                Grid {
-                    x0: -1.0,
-                    y0: -1.0,
-                    step_x: 1.0,
-                    step_y: 1.0,
-                    side: 12,
-                },
-                Grid {
-                    x0: -1e12,
-                    y0: 1e12,
-                    step_x: 1e9,
-                    step_y: 1e9,
-                    side: 5,
-                },
-            ] {
-                for (isa, count) in Isa::available()
-                    .into_iter()
-                    .flat_map(|isa| [(isa, 1), (isa, 3)])
-                {
-                    let threads = Threads::new(count);
-                    let mut out = vec![0; grid.side * grid.side * 3];
-                    let mut scratch = Scratch::default();
-                    threads.enter(|| {
-                        resample(isa, &threads, &image, border, &grid, &mut scratch, &mut out)
-                    });
+            let planes = planes(order, size, gap);
+            let image = pixels(order, size, &planes);
+            for grid in GRIDS {
+                for (isa, threads) in runs() {
+                    let out = crop(isa, threads, &image, &grid);
                     for (i, value) in out.iter().enumerate() {
                         let (pixel, channel) = (i / 3, i % 3);
                         let x = grid.x0 + grid.step_x * (pixel % grid.side) as f64;
                         let y = grid.y0 + grid.step_y * (pixel / grid.side) as f64;
-                        let expected =
-                            reference::sample(&image, offsets[channel], x, y, border[channel]);
+                        let expected = reference::sample(&image, channel, x, y, BORDER[channel]);
                         let error = (f64::from(*value) - expected).abs();
                         assert!(
                             error < 0.501,

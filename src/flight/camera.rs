@@ -110,17 +110,17 @@ impl Thumbnail {
         self.columns = frame.width() / self.cell;
         self.rows = frame.height() / self.cell;
         self.values.clear();
-        let ([b, g, r], step) = (frame.order().bgr_offsets(), frame.order().bytes_per_pixel());
         let samples = SAMPLES.min(self.cell);
         let pick = |i: usize| (2 * i + 1) * self.cell / (2 * samples);
         for row in 0..self.rows {
             for column in 0..self.columns {
                 let mut sum = 0u32;
                 for i in 0..samples {
-                    let pixels = frame.row(row * self.cell + pick(i));
+                    let y = row * self.cell + pick(i);
                     for j in 0..samples {
-                        let pixel = &pixels[(column * self.cell + pick(j)) * step..];
-                        sum += u32::from(pixel[b]) + 2 * u32::from(pixel[g]) + u32::from(pixel[r]);
+                        let pixel = frame.bgr(column * self.cell + pick(j), y);
+                        let [blue, green, red] = pixel.map(u32::from);
+                        sum += blue + 2 * green + red;
                     }
                 }
                 self.values

@@ -238,9 +238,8 @@ fn nearest(color: [f32; 3]) -> usize {
 
 /// The color of the pixel there, or of the nearest one, in levels, `0.0..=levels - 1`.
 fn color_at(frame: &Frame<'_>, x: usize, y: usize) -> [f32; 3] {
-    let (offsets, step) = (frame.order().bgr_offsets(), frame.order().bytes_per_pixel());
-    let pixel = &frame.row(y.min(frame.height() - 1))[x.min(frame.width() - 1) * step..];
-    let [blue, green, red] = offsets.map(|offset| f32::from(pixel[offset]) + DARK);
+    let pixel = frame.bgr(x.min(frame.width() - 1), y.min(frame.height() - 1));
+    let [blue, green, red] = pixel.map(|channel| f32::from(channel) + DARK);
     let light = blue + green + red;
     let vivid = |channel: f32| (channel / light - 1.0 / 3.0) / VIVID * 0.5 + 0.5;
     let shares = [vivid(red), vivid(blue), light / (3.0 * (255.0 + DARK))];

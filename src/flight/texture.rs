@@ -23,19 +23,17 @@ fn contrast(frame: &Frame<'_>, bbox: &FrameBox) -> f32 {
     let w = REGION.0 * bbox.w + REGION.1;
     let h = REGION.0 * bbox.h + REGION.1;
     let pixels = CELLS * SAMPLES;
-    let [blue, green, red] = frame.order().bgr_offsets();
-    let step = frame.order().bytes_per_pixel();
     let place = |center: f32, side: f32, i: usize, most: usize| {
         let at = center + side * ((i as f32 + 0.5) / pixels as f32 - 0.5);
         (at.max(0.0) as usize).min(most - 1)
     };
     let mut cells = [0.0f32; CELLS * CELLS];
     for i in 0..pixels {
-        let row = frame.row(place(bbox.cy, h, i, frame.height()));
+        let y = place(bbox.cy, h, i, frame.height());
         for j in 0..pixels {
-            let pixel = &row[step * place(bbox.cx, w, j, frame.width())..];
-            let light =
-                u32::from(pixel[blue]) + 2 * u32::from(pixel[green]) + u32::from(pixel[red]);
+            let pixel = frame.bgr(place(bbox.cx, w, j, frame.width()), y);
+            let [blue, green, red] = pixel.map(u32::from);
+            let light = blue + 2 * green + red;
             cells[i / SAMPLES * CELLS + j / SAMPLES] += light as f32;
         }
     }

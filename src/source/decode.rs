@@ -10,9 +10,9 @@ use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::header::read_pnm;
-use super::pixels::Range;
 use super::{Image, MAX_FRAME_BYTES, RawFormat, SourceError, Stretch, jpeg};
 use crate::frame::{ChannelOrder, Frame};
+use kernels::pixels::LumaRange;
 
 /// Decodes pictures one after the other, as one source: 16-bit pictures share one range.
 #[derive(Clone, Debug, Default)]
@@ -224,7 +224,8 @@ impl Decoder {
         })
     }
 
-    /// One headerless frame, as cameras deliver them, in `buffer`: YUV (limited range) becomes RGB.
+    /// One headerless frame, as cameras deliver them, in `buffer`. YUV, of
+    /// limited range, stays YUV.
     ///
     /// # Errors
     /// If the format's sizes are out of bounds or `bytes` ends before the frame does.
@@ -238,7 +239,7 @@ impl Decoder {
         let bytes = bytes
             .get(..expected)
             .ok_or_else(|| format!("a frame of {} bytes, expected {expected}", bytes.len()))?;
-        let order = raw.convert(Range::Limited, bytes, &mut self.stretch, &mut buffer);
+        let order = raw.convert(LumaRange::Limited, bytes, &mut self.stretch, &mut buffer);
         Ok(Image {
             data: buffer,
             width: raw.width,

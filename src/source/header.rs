@@ -2,7 +2,8 @@
 
 use std::io::Read;
 
-use super::pixels::{PixelFormat, Range, RawFormat};
+use super::pixels::{PixelFormat, RawFormat};
+use kernels::pixels::LumaRange;
 
 /// Longest header line accepted, in bytes.
 const MAX_LINE: usize = 4096;
@@ -11,7 +12,7 @@ const MAX_LINE: usize = 4096;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) raw: RawFormat,
-    pub(super) range: Range,
+    pub(super) range: LumaRange,
 }
 
 /// Reads up to and including the next newline; `None` at the end of the stream.
@@ -44,7 +45,7 @@ pub(super) fn read_line(reader: &mut impl Read) -> Result<Option<String>, String
 /// Parses what follows `YUV4MPEG2` on a y4m stream's first line.
 pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
     let (mut width, mut height) = (None, None);
-    let (mut pixels, mut range) = (PixelFormat::Yuv420p, Range::Limited);
+    let (mut pixels, mut range) = (PixelFormat::Yuv420p, LumaRange::Limited);
     for parameter in parameters.split_ascii_whitespace() {
         let (key, value) = parameter.split_at(parameter.chars().next().map_or(0, char::len_utf8));
         match key {
@@ -65,7 +66,7 @@ pub(super) fn parse_y4m(parameters: &str) -> Result<Layout, String> {
                     }
                 }
             }
-            "X" if value == "COLORRANGE=FULL" => range = Range::Full,
+            "X" if value == "COLORRANGE=FULL" => range = LumaRange::Full,
             _ => {} // frame rate, interlacing, aspect, comments
         }
     }
@@ -117,7 +118,7 @@ pub(super) fn read_ppm(reader: &mut impl Read) -> Result<Layout, String> {
     }
     Ok(Layout {
         raw: RawFormat::new(width, height, PixelFormat::Rgb24),
-        range: Range::Full,
+        range: LumaRange::Full,
     })
 }
 
@@ -163,7 +164,7 @@ mod tests {
         }
         assert_eq!(
             parse_y4m(" W4 H2 XCOLORRANGE=FULL").unwrap().range,
-            Range::Full
+            LumaRange::Full
         );
     }
 

@@ -97,7 +97,8 @@ impl Input {
     }
 }
 
-/// One decoded picture that owns its pixels: `height` rows of `width` pixels without gaps.
+/// One picture that owns its pixels: `height` rows of `width` pixels without gaps, of YUV plane
+/// after plane.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// The pixels.
@@ -106,14 +107,14 @@ pub struct Image {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// How one pixel's bytes are to be read.
+    /// How the bytes are to be read; [`frame`](Self::frame) does so.
     pub order: ChannelOrder,
     /// The file it came from; `None` for a frame of a stream.
     pub name: Option<PathBuf>,
 }
 
 impl Image {
-    /// One headerless frame by itself, with YUV (limited range) turned into RGB in `buffer`.
+    /// One headerless frame by itself, in `buffer`. YUV, of limited range, stays YUV.
     ///
     /// Frames of one camera go through one [`Decoder`], so that 16-bit ones share a range.
     ///

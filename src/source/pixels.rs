@@ -1,16 +1,9 @@
-//! Layouts of headerless frames, and YUV to RGB.
-//!
-//! Conversion follows BT.601 in 8.8 fixed point, chroma repeated over the pixels it covers (what
-//! `ffmpeg` does by default). With limited range, for Y in 16..=235 and U, V in 16..=240:
-//!
-//! ```text
-//! R = (298 (Y-16)               + 409 (V-128) + 128) >> 8
-//! G = (298 (Y-16) - 100 (U-128) - 208 (V-128) + 128) >> 8
-//! B = (298 (Y-16) + 516 (U-128)               + 128) >> 8
-//! ```
+//! Layouts of headerless frames. Most stay as they are: a [`Frame`] reads them in place.
 
 use super::{MAX_FRAME_BYTES, Stretch};
 use crate::frame::{ChannelOrder, Frame};
+use kernels::Size;
+use kernels::pixels::{LumaRange, Pixels, Plane, PlaneShape};
 
 /// How the pixels of one frame follow each other; the names are ffmpeg's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,23 +92,6 @@ pub struct RawFormat {
     pub stride: Option<usize>,
 }
 
-/// A plane of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Plane {
-    row: usize, // bytes of pixels
-    stride: usize,
-    rows: usize,
-}
-
-/// Which luma values are black and white.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Range {
-    /// 16 and 235, as video usually has it.
-    Limited,
-    /// 0 and 255.
-    Full,
-}
-
 impl RawFormat {
     /// Frames whose rows follow each other without gaps.
     pub fn new(width: usize, height: usize, pixels: PixelFormat) -> RawFormat {
@@ -128,36 +104,14 @@ impl RawFormat {
     }
 
     /// The planes of a frame, up to three.
-    fn planes(&self) -> impl Iterator<Item = Plane> {
-        let (w, h) = (self.width, self.height);
-        let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
-        let none = (0, 0);
-        let planes = match self.pixels {
-            PixelFormat::Bgr24 | PixelFormat::Rgb24 => [(3 * w, h), none, none],
-            PixelFormat::Bgra | PixelFormat::Rgba => [(4 * w, h), none, none],
-            PixelFormat::Gray => [(w, h), none, none],
-            PixelFormat::Gray16Le => [(2 * w, h), none, none],
-            PixelFormat::Yuv420p => [(w, h), (half_w, half_h), (half_w, half_h)],
-            PixelFormat::Nv12 | PixelFormat::Nv21 => [(w, h), (2 * half_w, half_h), none],
-            PixelFormat::Yuyv422 | PixelFormat::Uyvy422 => [(4 * half_w, h), none, none],
-            PixelFormat::Yuv422p => [(w, h), (half_w, h), (half_w, h)],
-            PixelFormat::Yuv444p => [(w, h), (w, h), (w, h)],
+    fn planes(&self) -> impl Iterator<Item = PlaneShape> {
+        // Samples of 16 bits lie as those of one byte in a frame twice as wide.
+        let (order, w) = match self.order() {
+            Some(order) => (order, self.width),
+            None => (ChannelOrder::Gray, 2 * self.width),
         };
-        let is_halved = matches!(self.pixels, PixelFormat::Yuv420p | PixelFormat::Yuv422p);
-        let stride = self.stride;
-        planes
-            .into_iter()
-            .enumerate()
-            .filter(|(_, (row, _))| *row > 0)
-            .map(move |(index, (row, rows))| Plane {
-                row,
-                stride: match stride {
-                    None => row,
-                    Some(stride) if is_halved && index > 0 => stride.div_ceil(2),
-                    Some(stride) => stride,
-                },
-                rows,
-            })
+        let stride = self.stride.unwrap_or(order.row_bytes(w));
+        order.planes(Size { h: self.height, w }, stride)
     }
 
     /// Whether rows are followed by bytes that are no pixels.
@@ -200,7 +154,7 @@ impl RawFormat {
             }
             bytes = bytes.saturating_add((plane.stride as u64).saturating_mul(plane.rows as u64));
         }
-        // YUV becomes RGB, so that counts as well.
+        // YUV becomes RGB where it is shown, so that counts as well.
         if bytes.max(3 * w as u64 * h as u64) > MAX_FRAME_BYTES {
             return Err(format!(
                 "frames of {w}x{h} pixels, expected at most {MAX_FRAME_BYTES} bytes each"
@@ -210,254 +164,80 @@ impl RawFormat {
     }
 
     /// The order of a frame whose bytes need no conversion.
-    pub(super) fn ready(&self) -> Option<ChannelOrder> {
-        self.order().filter(|_| !self.has_gaps())
+    pub(super) fn ready(&self, range: LumaRange) -> Option<ChannelOrder> {
+        self.lent(range).filter(|_| !self.has_gaps())
     }
 
-    /// The order of pixels that need no conversion.
+    /// The order of samples that a frame can read in place: not those of 16 bits, nor YUV of full
+    /// range, which is rare.
+    fn lent(&self, range: LumaRange) -> Option<ChannelOrder> {
+        self.order()
+            .filter(|order| order.is_packed() || range == LumaRange::Limited)
+    }
+
+    /// The order of samples of 8 bits.
     fn order(&self) -> Option<ChannelOrder> {
-        match self.pixels {
-            PixelFormat::Bgra => Some(ChannelOrder::Bgra),
-            PixelFormat::Rgba => Some(ChannelOrder::Rgba),
-            PixelFormat::Bgr24 => Some(ChannelOrder::Bgr),
-            PixelFormat::Rgb24 => Some(ChannelOrder::Rgb),
-            PixelFormat::Gray => Some(ChannelOrder::Gray),
-            _ => None,
-        }
+        Some(match self.pixels {
+            PixelFormat::Bgr24 => ChannelOrder::Bgr,
+            PixelFormat::Rgb24 => ChannelOrder::Rgb,
+            PixelFormat::Bgra => ChannelOrder::Bgra,
+            PixelFormat::Rgba => ChannelOrder::Rgba,
+            PixelFormat::Gray => ChannelOrder::Gray,
+            PixelFormat::Gray16Le => return None,
+            PixelFormat::Yuv420p => ChannelOrder::I420,
+            PixelFormat::Nv12 => ChannelOrder::Nv12,
+            PixelFormat::Nv21 => ChannelOrder::Nv21,
+            PixelFormat::Yuyv422 => ChannelOrder::Yuyv,
+            PixelFormat::Uyvy422 => ChannelOrder::Uyvy,
+            PixelFormat::Yuv422p => ChannelOrder::I422,
+            PixelFormat::Yuv444p => ChannelOrder::I444,
+        })
     }
 
-    /// Converts one frame into `out` and returns how its pixels are to be read.
+    /// Brings one frame into a form that a [`Frame`] reads, in `out`, and returns its order.
     ///
     /// `bytes` has the length of [`frame_bytes`](Self::frame_bytes).
     pub(super) fn convert(
         &self,
-        range: Range,
+        range: LumaRange,
         bytes: &[u8],
         stretch: &mut Stretch,
         out: &mut Vec<u8>,
     ) -> ChannelOrder {
-        if let Some(order) = self.order() {
+        if let Some(order) = self.lent(range) {
             self.close_gaps(bytes, out);
             return order;
         }
-        let mut without_gaps = Vec::new();
-        let bytes = if self.has_gaps() {
+        let Some(order) = self.order() else {
+            let mut without_gaps = Vec::new();
             self.close_gaps(bytes, &mut without_gaps);
-            &without_gaps
-        } else {
-            bytes
-        };
-        if self.pixels == PixelFormat::Gray16Le {
-            let samples: Vec<u16> = bytes
-                .chunks_exact(2)
-                .map(|pair| u16::from_le_bytes([pair[0], pair[1]]))
+            let samples: Vec<u16> = without_gaps
+                .as_chunks::<2>()
+                .0
+                .iter()
+                .map(|pair| u16::from_le_bytes(*pair))
                 .collect();
             stretch.to_bytes(&samples, out);
             return ChannelOrder::Gray;
+        };
+        let mut rest = bytes;
+        let mut planes = Vec::new();
+        for PlaneShape { stride, rows, .. } in self.planes() {
+            let (data, behind) = rest.split_at(stride * rows);
+            planes.push(Plane { data, stride });
+            rest = behind;
         }
-        out.resize(3 * self.width * self.height, 0);
-        self.yuv_to_rgb(range, bytes, out);
+        let (h, w) = (self.height, self.width);
+        out.resize(3 * w * h, 0);
+        let pixels = Pixels::new(order, Size { h, w }, &planes).with_range(range);
+        pixels.write_rgb(out);
         ChannelOrder::Rgb
-    }
-
-    /// Converts one frame of a YUV layout; `rgb` is `[H, W, 3]`.
-    fn yuv_to_rgb(&self, range: Range, bytes: &[u8], rgb: &mut [u8]) {
-        let (w, h) = (self.width, self.height);
-        let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
-        let matrix = Matrix::bt601(range);
-        let (luma, chroma) = bytes.split_at(w * h); // every layout has that many at least
-        for (y, out) in rgb.chunks_exact_mut(3 * w).enumerate() {
-            match self.pixels {
-                PixelFormat::Yuyv422 | PixelFormat::Uyvy422 => {
-                    let row = &bytes[y * 4 * half_w..][..4 * half_w];
-                    let is_luma_first = self.pixels == PixelFormat::Yuyv422;
-                    for (pixels, group) in out.chunks_mut(6).zip(row.as_chunks::<4>().0) {
-                        let [y0, u, y1, v] = if is_luma_first {
-                            *group
-                        } else {
-                            [group[1], group[0], group[3], group[2]]
-                        };
-                        for (pixel, luma) in pixels.chunks_exact_mut(3).zip([y0, y1]) {
-                            pixel.copy_from_slice(&matrix.rgb(luma, u, v));
-                        }
-                    }
-                }
-                PixelFormat::Nv12 | PixelFormat::Nv21 => {
-                    let pairs = &chroma[y / 2 * 2 * half_w..][..2 * half_w];
-                    let pairs = pairs.chunks_exact(2).map(|pair| (pair[0], pair[1]));
-                    let row = &luma[y * w..];
-                    if self.pixels == PixelFormat::Nv12 {
-                        convert_row(&matrix, out, row, pairs, 2);
-                    } else {
-                        convert_row(&matrix, out, row, pairs.map(|(v, u)| (u, v)), 2);
-                    }
-                }
-                _ => {
-                    let (across, chroma_w, down, chroma_h) = match self.pixels {
-                        PixelFormat::Yuv420p => (2, half_w, 2, half_h),
-                        PixelFormat::Yuv422p => (2, half_w, 1, h),
-                        _ => (1, w, 1, h),
-                    };
-                    let (u, v) = chroma.split_at(chroma_w * chroma_h);
-                    let start = y / down * chroma_w;
-                    let (u, v) = (&u[start..][..chroma_w], &v[start..][..chroma_w]);
-                    let uv = u.iter().copied().zip(v.iter().copied());
-                    convert_row(&matrix, out, &luma[y * w..], uv, across);
-                }
-            }
-        }
-    }
-}
-
-/// One row: every chroma pair covers `across` pixels.
-#[inline(always)]
-fn convert_row(
-    matrix: &Matrix,
-    rgb: &mut [u8],
-    luma: &[u8],
-    chroma: impl Iterator<Item = (u8, u8)>,
-    across: usize,
-) {
-    for ((pixels, luma), (u, v)) in rgb
-        .chunks_mut(3 * across)
-        .zip(luma.chunks(across))
-        .zip(chroma)
-    {
-        for (pixel, &y) in pixels.chunks_exact_mut(3).zip(luma) {
-            pixel.copy_from_slice(&matrix.rgb(y, u, v));
-        }
-    }
-}
-
-/// YUV to RGB in 8.8 fixed point.
-struct Matrix {
-    black: i32,
-    y: i32,
-    red_v: i32,
-    green_u: i32,
-    green_v: i32,
-    blue_u: i32,
-}
-
-impl Matrix {
-    fn bt601(range: Range) -> Matrix {
-        match range {
-            Range::Limited => Matrix {
-                black: 16,
-                y: 298,
-                red_v: 409,
-                green_u: -100,
-                green_v: -208,
-                blue_u: 516,
-            },
-            Range::Full => Matrix {
-                black: 0,
-                y: 256,
-                red_v: 359,
-                green_u: -88,
-                green_v: -183,
-                blue_u: 454,
-            },
-        }
-    }
-
-    #[inline(always)]
-    fn rgb(&self, y: u8, u: u8, v: u8) -> [u8; 3] {
-        let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
-        let y = self.y * (i32::from(y) - self.black) + 128;
-        [
-            y + self.red_v * v,
-            y + self.green_u * u + self.green_v * v,
-            y + self.blue_u * u,
-        ]
-        .map(|sum| (sum >> 8).clamp(0, 255) as u8)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn convert(width: usize, height: usize, pixels: PixelFormat, bytes: &[u8]) -> Vec<u8> {
-        let raw = RawFormat::new(width, height, pixels);
-        assert_eq!(raw.frame_bytes().unwrap(), bytes.len());
-        let mut rgb = vec![0; 3 * width * height];
-        raw.yuv_to_rgb(Range::Limited, bytes, &mut rgb);
-        rgb
-    }
-
-    #[test]
-    fn primaries_and_grays_convert_as_bt601_says() {
-        // Against the formula in floating point: full-scale primaries of BT.601 and grays.
-        for (yuv, rgb) in [
-            ([16, 128, 128], [0, 0, 0]),
-            ([235, 128, 128], [255, 255, 255]),
-            ([126, 128, 128], [128, 128, 128]),
-            ([81, 90, 240], [255, 0, 0]),
-            ([145, 54, 34], [0, 255, 0]),
-            ([41, 240, 110], [0, 0, 255]),
-            ([0, 128, 128], [0, 0, 0]),
-            ([255, 128, 128], [255, 255, 255]),
-        ] {
-            let found = Matrix::bt601(Range::Limited).rgb(yuv[0], yuv[1], yuv[2]);
-            for (found, expected) in found.into_iter().zip(rgb) {
-                assert!(
-                    i32::from(found).abs_diff(expected) <= 2,
-                    "{yuv:?}: {found} for {expected}"
-                );
-            }
-        }
-        assert_eq!(Matrix::bt601(Range::Full).rgb(77, 128, 128), [77; 3]);
-    }
-
-    #[test]
-    fn same_picture_in_every_layout_gives_the_same_rgb() {
-        // The same picture in every layout: chroma constant over 2x2 blocks, odd width and height.
-        let (w, h) = (5, 3);
-        let luma: Vec<u8> = (0..w * h).map(|i| 40 + 9 * i as u8).collect();
-        let (u, v) = ([100, 140, 90, 120, 150, 80], [90, 150, 120, 200, 60, 110]); // 3x2
-        let at = |plane: &[u8; 6], x: usize, y: usize| plane[y / 2 * 3 + x / 2];
-        let plane = |p: &[u8; 6], step: usize| -> Vec<u8> {
-            (0..h)
-                .flat_map(|y| (0..w).step_by(step).map(move |x| (x, y)))
-                .map(|(x, y)| at(p, x, y))
-                .collect()
-        };
-        let yuv420: Vec<u8> = luma.iter().chain(&u).chain(&v).copied().collect();
-        let expected = convert(w, h, PixelFormat::Yuv420p, &yuv420);
-        let nv12: Vec<u8> = luma
-            .iter()
-            .copied()
-            .chain(u.iter().zip(&v).flat_map(|(&u, &v)| [u, v]))
-            .collect();
-        assert_eq!(convert(w, h, PixelFormat::Nv12, &nv12), expected);
-        let mut nv21 = nv12.clone();
-        for pair in nv21[w * h..].chunks_exact_mut(2) {
-            pair.swap(0, 1);
-        }
-        assert_eq!(convert(w, h, PixelFormat::Nv21, &nv21), expected);
-        for (format, step) in [(PixelFormat::Yuv422p, 2), (PixelFormat::Yuv444p, 1)] {
-            let bytes = [luma.clone(), plane(&u, step), plane(&v, step)].concat();
-            assert_eq!(convert(w, h, format, &bytes), expected, "{format:?}");
-        }
-        let mut yuyv = Vec::new();
-        for y in 0..h {
-            for x in (0..w).step_by(2) {
-                let second = if x + 1 < w { luma[y * w + x + 1] } else { 0 };
-                yuyv.extend([luma[y * w + x], at(&u, x, y), second, at(&v, x, y)]);
-            }
-        }
-        assert_eq!(convert(w, h, PixelFormat::Yuyv422, &yuyv), expected);
-        let uyvy: Vec<u8> = yuyv
-            .chunks_exact(2)
-            .flat_map(|pair| [pair[1], pair[0]])
-            .collect();
-        assert_eq!(convert(w, h, PixelFormat::Uyvy422, &uyvy), expected);
-        assert_eq!(
-            &expected[..3],
-            &Matrix::bt601(Range::Limited).rgb(40, 100, 90)
-        );
-    }
 
     #[test]
     fn one_pixel_in_every_layout_is_gray() {
@@ -466,14 +246,16 @@ mod tests {
             let bytes = vec![128; raw.frame_bytes().unwrap()];
             let mut out = Vec::new();
 
-            let order = raw.convert(Range::Limited, &bytes, &mut Stretch::default(), &mut out);
+            let order = raw.convert(
+                LumaRange::Limited,
+                &bytes,
+                &mut Stretch::default(),
+                &mut out,
+            );
 
-            let expected = if raw.ready().is_some() || order == ChannelOrder::Gray {
-                128
-            } else {
-                130 // limited range
-            };
-            assert_eq!(out, vec![expected; order.bytes_per_pixel()], "{name}");
+            let found = Frame::new(&out, 1, 1, order).unwrap().bgr(0, 0);
+            let expected = if order.is_packed() { 128 } else { 130 }; // limited range
+            assert_eq!(found, [expected; 3], "{name}");
         }
     }
 
@@ -499,15 +281,21 @@ mod tests {
                     rest = behind;
                 }
             }
-            let convert = |raw: &RawFormat, bytes: &[u8]| {
+            let convert = |raw: &RawFormat, range, bytes: &[u8]| {
                 let mut out = Vec::new();
-                raw.convert(Range::Full, bytes, &mut Stretch::default(), &mut out);
+                raw.convert(range, bytes, &mut Stretch::default(), &mut out);
                 out
             };
 
             assert_eq!(loose.frame_bytes(), Ok(padded.len()), "{name}");
-            assert_eq!(loose.ready(), None, "{name}");
-            assert_eq!(convert(&loose, &padded), convert(&tight, &whole), "{name}");
+            assert_eq!(loose.ready(LumaRange::Limited), None, "{name}");
+            for range in [LumaRange::Limited, LumaRange::Full] {
+                assert_eq!(
+                    convert(&loose, range, &padded),
+                    convert(&tight, range, &whole),
+                    "{name}"
+                );
+            }
         }
     }
 
@@ -552,7 +340,7 @@ mod tests {
         let bytes = [0x00, 0x10, 0x80, 0x10, 0x00, 0x11];
         let mut out = Vec::new();
 
-        let order = raw.convert(Range::Full, &bytes, &mut Stretch::default(), &mut out);
+        let order = raw.convert(LumaRange::Full, &bytes, &mut Stretch::default(), &mut out);
 
         assert_eq!(order, ChannelOrder::Gray);
         assert!(

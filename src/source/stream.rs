@@ -6,9 +6,9 @@ use std::io::{BufReader, ErrorKind, Read};
 use std::process::Command;
 
 use super::header::{Layout, parse_y4m, read_line, read_ppm};
-use super::pixels::Range;
 use super::program::{Program, Stopper};
 use super::{Image, Input, RawFormat, SourceError, Stretch, ffmpeg, gstreamer};
+use kernels::pixels::LumaRange;
 
 /// What stands in front of each frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +49,7 @@ impl Stream {
                     Container::Raw,
                     Some(Layout {
                         raw,
-                        range: Range::Limited,
+                        range: LumaRange::Limited,
                     }),
                 )
             }),
@@ -246,7 +246,7 @@ impl Stream {
     ) -> Result<Option<Option<Image>>, String> {
         let expected = layout.raw.frame_bytes()?;
         // Frames that need no conversion are read right into their buffer.
-        let ready = layout.raw.ready();
+        let ready = layout.raw.ready(layout.range);
         let is_wanted = buffer.is_some();
         let mut data = buffer.unwrap_or_default();
         let payload = if is_wanted && ready.is_some() {

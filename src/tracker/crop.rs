@@ -4,9 +4,9 @@
 
 use crate::bbox::{CropBox, FrameBox};
 use crate::frame::Frame;
+use kernels::Isa;
 use kernels::par::Threads;
-use kernels::resample::{Grid, Pixels, Scratch, resample};
-use kernels::{Isa, Size};
+use kernels::resample::{Grid, Scratch, resample};
 
 /// A region of the frame and the square crop it is resampled to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -170,20 +170,10 @@ impl Cropper {
         border: [u8; 3],
         out: &mut [u8],
     ) {
-        let pixels = Pixels {
-            data: frame.data(),
-            size: Size {
-                h: frame.height(),
-                w: frame.width(),
-            },
-            stride: frame.stride(),
-            bytes_per_pixel: frame.order().bytes_per_pixel(),
-            offsets: frame.order().bgr_offsets(),
-        };
         resample(
             isa,
             threads,
-            &pixels,
+            frame.pixels(),
             border,
             &region.grid(),
             &mut self.scratch,
@@ -242,7 +232,7 @@ mod tests {
         };
         let region = Region::around(&target, scale(11.0, 7.0, 0.5, 127), 1.0, 303);
         assert!(
-            cut(&frame, &region, frame.mean_bgr())
+            cut(&frame, &region, frame.mean_bgr(Isa::detect()))
                 .chunks(3)
                 .all(|p| p == [10, 20, 30])
         );

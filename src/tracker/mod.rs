@@ -259,7 +259,7 @@ impl Tracker {
             frame: frame.size(),
             first_side: bbox.w.min(bbox.h),
             first_aspect: bbox.w / bbox.h,
-            border: frame.mean_bgr(),
+            border: frame.mean_bgr(self.network.model().isa()),
             correction: Correction::NONE,
             vote_correction: Correction::NONE,
         };

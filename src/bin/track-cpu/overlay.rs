@@ -30,13 +30,8 @@ impl Canvas {
     /// A copy of the frame in this size.
     pub fn fitted(frame: &Frame<'_>, width: u32, height: u32) -> Canvas {
         let (w, h) = (frame.width(), frame.height());
-        let ([b, g, r], step) = (frame.order().bgr_offsets(), frame.order().bytes_per_pixel());
-        let mut picture = RgbImage::new(w as u32, h as u32);
-        for (y, row) in picture.chunks_exact_mut(3 * w).enumerate() {
-            for (out, pixel) in row.chunks_exact_mut(3).zip(frame.row(y).chunks_exact(step)) {
-                out.copy_from_slice(&[pixel[r], pixel[g], pixel[b]]);
-            }
-        }
+        let mut picture =
+            RgbImage::from_raw(w as u32, h as u32, frame.to_rgb()).expect("three bytes per pixel");
         if picture.dimensions() != (width, height) {
             picture = imageops::thumbnail(&picture, width, height);
         }

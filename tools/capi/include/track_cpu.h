@@ -58,7 +58,15 @@ enum {
     TRACK_CPU_RGB = 1,
     TRACK_CPU_BGRA = 2, /* four bytes a pixel, the last one ignored */
     TRACK_CPU_RGBA = 3,
-    TRACK_CPU_GRAY = 4 /* one byte a pixel */
+    TRACK_CPU_GRAY = 4, /* one byte a pixel */
+    /* YUV as cameras and decoders have it (BT.601, limited range). Only the pixels that are looked
+     * at are converted. Planes follow each other: rows of half the width take half the stride,
+     * and a half is rounded up. */
+    TRACK_CPU_NV12 = 5, /* a plane of Y, then one of U and V by turns for every 2 x 2 pixels */
+    TRACK_CPU_NV21 = 6, /* the same with V before U */
+    TRACK_CPU_I420 = 7, /* planes of Y, U and V */
+    TRACK_CPU_YUYV = 8, /* Y U Y V for every two pixels of a row */
+    TRACK_CPU_UYVY = 9  /* U Y V Y for every two pixels of a row */
 };
 
 /* Arithmetic of the network. */
@@ -76,11 +84,12 @@ typedef struct track_cpu_tracker track_cpu_tracker;
 
 /* A picture that the caller keeps: rows from the top, pixels from the left. */
 typedef struct track_cpu_image {
-    const uint8_t *data;    /* `height` rows of `width` pixels, (height - 1) * stride + width *
-                               bytes-a-pixel bytes in all */
+    const uint8_t *data;    /* rows of `width` pixels, stride * height bytes a plane; the last row
+                               may end after its pixels */
     uint32_t width, height; /* pixels, 1 to 32768 */
-    size_t stride;          /* bytes from one row to the next; 0 if there is no gap between them */
-    uint32_t format;        /* TRACK_CPU_BGR ... TRACK_CPU_GRAY */
+    size_t stride;          /* bytes from one row to the next in the first plane; 0 if there is no
+                               gap between them */
+    uint32_t format;        /* TRACK_CPU_BGR ... TRACK_CPU_UYVY */
 } track_cpu_image;
 
 /* A box in pixels: left, top, width, height. A box of one pixel at (3, 4) is {3, 4, 1, 1}. */

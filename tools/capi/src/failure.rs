@@ -25,7 +25,7 @@ pub enum Failure {
     #[error("the path of the model is not UTF-8")]
     Path,
     /// A picture's format is unknown.
-    #[error("image format {found}, expected 0 to 4")]
+    #[error("image format {found}, expected 0 to 9")]
     Format {
         /// What was given.
         found: u32,

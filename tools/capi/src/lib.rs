@@ -62,9 +62,9 @@ pub struct track_cpu_image {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Bytes from one row to the next; 0 if there is no gap between them.
+    /// Bytes from one row of the first plane to the next; 0 if there is no gap between them.
     pub stride: usize,
-    /// 0 BGR, 1 RGB, 2 BGRA, 3 RGBA, 4 gray.
+    /// 0 BGR, 1 RGB, 2 BGRA, 3 RGBA, 4 gray, 5 NV12, 6 NV21, 7 I420, 8 YUYV, 9 UYVY.
     pub format: u32,
 }
 
@@ -464,23 +464,25 @@ unsafe fn frame(image: &track_cpu_image) -> Result<Frame<'_>, Failure> {
         2 => ChannelOrder::Bgra,
         3 => ChannelOrder::Rgba,
         4 => ChannelOrder::Gray,
+        5 => ChannelOrder::Nv12,
+        6 => ChannelOrder::Nv21,
+        7 => ChannelOrder::I420,
+        8 => ChannelOrder::Yuyv,
+        9 => ChannelOrder::Uyvy,
         found => return Err(Failure::Format { found }),
     };
     let (width, height) = (width as usize, height as usize);
-    let row = width.saturating_mul(order.bytes_per_pixel());
-    let stride = if stride == 0 { row } else { stride };
-    // Sizes that no frame can have are refused before a slice of that length is made.
-    let sides = 1..=Frame::MAX_SIDE;
-    let length = stride
-        .checked_mul(height.saturating_sub(1))
-        .and_then(|gaps| gaps.checked_add(row));
-    let length = match length.filter(|length| isize::try_from(*length).is_ok()) {
-        Some(length) if sides.contains(&width) && sides.contains(&height) && stride >= row => {
-            length
-        }
-        // `Frame` refuses these sizes and says which is wrong.
-        _ => return Ok(Frame::with_stride(&[], width, height, stride, order)?),
+    let stride = if stride == 0 {
+        order.row_bytes(width.min(Frame::MAX_SIDE))
+    } else {
+        stride
     };
+    // Sizes that no frame has are refused before a slice of that length could be made.
+    let length = Frame::bytes(width, height, stride, order)?;
+    if isize::try_from(length).is_err() {
+        // `Frame` refuses this size and says so.
+        return Ok(Frame::with_stride(&[], width, height, stride, order)?);
+    }
     // SAFETY: it is not null; the caller promises that the bytes of its rows may be read, and they
     // fit an `isize`.
     let bytes = unsafe { std::slice::from_raw_parts(data, length) };

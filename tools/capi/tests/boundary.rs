@@ -279,7 +279,7 @@ fn bad_argument_gives_a_code_and_a_message() {
                 1,
                 "image data is null",
             ),
-            (track_cpu_image { format: 5, ..good }, 1, "image format 5"),
+            (track_cpu_image { format: 10, ..good }, 1, "image format 10"),
             (track_cpu_image { width: 0, ..good }, 3, "0x64"),
             (
                 track_cpu_image {

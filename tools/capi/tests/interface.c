@@ -31,9 +31,10 @@ struct picture {
     size_t length;
 };
 
-static struct picture picture(int shift, int channels, size_t stride) {
+/* With `behind` bytes of chroma behind the first plane. */
+static struct picture yuv(int shift, int channels, size_t stride, size_t behind) {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
-    size_t bytes = (HEIGHT - 1) * stride + WIDTH * channels;
+    size_t bytes = (HEIGHT - 1) * stride + (behind ? stride + behind : WIDTH * channels);
     size_t readable = (bytes + page - 1) / page * page;
     struct picture made = {NULL, NULL, readable + page};
     int access = PROT_READ | PROT_WRITE;
@@ -41,6 +42,7 @@ static struct picture picture(int shift, int channels, size_t stride) {
     CHECK(made.pages != MAP_FAILED);
     CHECK(mprotect((uint8_t *)made.pages + readable, page, PROT_NONE) == 0);
     made.pixels = (uint8_t *)made.pages + readable - bytes;
+    memset(made.pixels, 128, bytes);
     for (int y = 0; y < HEIGHT; y++) {
         for (int x = 0; x < WIDTH; x++) {
             int inside = x >= 24 + shift && x < 40 + shift && y >= 24 && y < 40;
@@ -51,6 +53,10 @@ static struct picture picture(int shift, int channels, size_t stride) {
     return made;
 }
 
+static struct picture picture(int shift, int channels, size_t stride) {
+    return yuv(shift, channels, stride, 0);
+}
+
 static void release(struct picture *made) { CHECK(munmap(made->pages, made->length) == 0); }
 
 static const track_cpu_box target = {24, 24, 16, 16};
@@ -58,11 +64,18 @@ static const track_cpu_box target = {24, 24, 16, 16};
 static void formats_and_strides_are_read_within_their_bytes(void) {
     track_cpu_tracker *tracker;
     CHECK(track_cpu_create("drmim-p75", 1, &tracker) == TRACK_CPU_OK);
-    const int channels[] = {3, 3, 4, 4, 1};
-    for (uint32_t format = TRACK_CPU_BGR; format <= TRACK_CPU_GRAY; format++) {
+    const int channels[] = {3, 3, 4, 4, 1, 1, 1, 1, 2, 2};
+    for (uint32_t format = TRACK_CPU_BGR; format <= TRACK_CPU_UYVY; format++) {
         for (size_t gap = 0; gap < 20; gap += 7) {
             size_t stride = WIDTH * channels[format] + gap;
-            struct picture made = picture(0, channels[format], stride);
+            size_t half = (stride + 1) / 2; /* the stride of planes of half the width */
+            size_t behind = 0;
+            if (format == TRACK_CPU_NV12 || format == TRACK_CPU_NV21) {
+                behind = (HEIGHT / 2 - 1) * stride + WIDTH;
+            } else if (format == TRACK_CPU_I420) {
+                behind = (HEIGHT - 1) * half + WIDTH / 2;
+            }
+            struct picture made = yuv(0, channels[format], stride, behind);
             track_cpu_image image = {made.pixels, WIDTH, HEIGHT, gap ? stride : 0, format};
             track_cpu_box box = {0, 0, 0, 0};
             float score = -1;

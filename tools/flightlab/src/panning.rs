@@ -255,17 +255,12 @@ pub fn rgb(image: &Image) -> Vec<u8> {
     if image.order == ChannelOrder::Rgb {
         return image.data.clone();
     }
-    let frame = image.frame();
-    let [b, g, r] = frame.order().bgr_offsets();
-    let pixels = image.data.chunks_exact(frame.order().bytes_per_pixel());
-    pixels.flat_map(|p| [p[r], p[g], p[b]]).collect()
+    image.frame().to_rgb()
 }
 
 /// Draws a picture into a box of a canvas, averaging over the pixels that fall into one.
 fn paste(picture: &Image, canvas: &mut [u8], width: usize, height: usize, at: &BBox) {
     let frame = picture.frame();
-    let [b, g, r] = frame.order().bgr_offsets();
-    let step = frame.order().bytes_per_pixel();
     let (x0, y0) = (at.x.max(0.0) as usize, at.y.max(0.0) as usize);
     let x1 = ((at.x + at.w).max(0.0) as usize).min(width);
     let y1 = ((at.y + at.h).max(0.0) as usize).min(height);
@@ -281,10 +276,11 @@ fn paste(picture: &Image, canvas: &mut [u8], width: usize, height: usize, at: &B
             let (left, right) = span(x as f32 - at.x, at.w, picture.width);
             let mut sum = [0u32; 3];
             for row in top..low {
-                for pixel in frame.row(row)[left * step..right * step].chunks_exact(step) {
-                    sum[0] += u32::from(pixel[r]);
-                    sum[1] += u32::from(pixel[g]);
-                    sum[2] += u32::from(pixel[b]);
+                for column in left..right {
+                    let [blue, green, red] = frame.bgr(column, row).map(u32::from);
+                    sum[0] += red;
+                    sum[1] += green;
+                    sum[2] += blue;
                 }
             }
             let count = ((low - top) * (right - left)) as u32;

@@ -15,7 +15,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(frames) = Source::open(&Input::new(&*FILE)) {
         for image in frames.take(16) {
             let Ok(image) = image else { break };
-            image.frame().mean_bgr();
+            image.frame().mean_bgr(track_cpu::Isa::detect());
         }
     }
 });

@@ -3,7 +3,6 @@
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageResult, RgbImage};
 use std::path::Path;
-use track_cpu::ChannelOrder;
 use track_cpu::source::{Image, Input, Source};
 
 /// Reads one picture, or says why it cannot.
@@ -18,14 +17,7 @@ pub fn decode(path: &Path) -> Result<Image, String> {
 pub fn rgb(image: &Image) -> Option<RgbImage> {
     let width = u32::try_from(image.width).ok()?;
     let height = u32::try_from(image.height).ok()?;
-    let channels = image.data.len().checked_div(image.width * image.height)?;
-    let pixels = image.data.chunks_exact(channels.max(1));
-    let rgb: Vec<u8> = match image.order {
-        ChannelOrder::Gray => pixels.flat_map(|p| [p[0]; 3]).collect(),
-        ChannelOrder::Rgb | ChannelOrder::Rgba => pixels.flat_map(|p| [p[0], p[1], p[2]]).collect(),
-        ChannelOrder::Bgr | ChannelOrder::Bgra => pixels.flat_map(|p| [p[2], p[1], p[0]]).collect(),
-    };
-    RgbImage::from_raw(width, height, rgb)
+    RgbImage::from_raw(width, height, image.frame().to_rgb())
 }
 
 /// An RGB picture of this width and height as JPEG, with a quality from 1 to 100.

@@ -3,7 +3,8 @@
 //!
 //! Lent without a copy: contiguous arrays, cut-outs, every n-th row, `bgr[..., ::-1]` (the same
 //! bytes in the other order) and `bgra[..., :3]`. Copied: mirrored and transposed arrays, every
-//! n-th column, one channel of several, PIL images.
+//! n-th column, one channel of several, PIL images. Pictures in YUV come as OpenCV has them: rows of
+//! luma, then those of chroma, in one array (3 H / 2) x W; or H x W x 2.
 
 use numpy::{
     PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
@@ -16,14 +17,25 @@ use crate::failure::Failure;
 const EXPECTED: &str =
     "a NumPy array of uint8, H x W (gray), H x W x 3 or H x W x 4, or a PIL image";
 
-/// Order of the colors in an array's last dimension.
+/// Order of the samples in an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// As OpenCV has them.
+    /// Colors in the last dimension as OpenCV has them.
     Bgr,
-    /// As PIL, imageio and PyTorch have them.
+    /// Colors in the last dimension as PIL, imageio and PyTorch have them.
     Rgb,
+    /// Luma and chroma as cameras and decoders have them.
+    Yuv(ChannelOrder),
 }
+
+/// YUV by name.
+const YUV: [(&str, ChannelOrder); 5] = [
+    ("nv12", ChannelOrder::Nv12),
+    ("nv21", ChannelOrder::Nv21),
+    ("i420", ChannelOrder::I420),
+    ("yuyv", ChannelOrder::Yuyv),
+    ("uyvy", ChannelOrder::Uyvy),
+];
 
 impl Order {
     /// # Errors
@@ -32,9 +44,13 @@ impl Order {
         match name {
             "bgr" => Ok(Order::Bgr),
             "rgb" => Ok(Order::Rgb),
-            _ => Err(Failure::Argument(format!(
-                "order is {name:?}, expected \"bgr\" (as OpenCV) or \"rgb\""
-            ))),
+            _ => match YUV.iter().find(|(known, _)| *known == name) {
+                Some((_, order)) => Ok(Order::Yuv(*order)),
+                None => Err(Failure::Argument(format!(
+                    "order is {name:?}, expected \"bgr\" (as OpenCV), \"rgb\", or one of {:?}",
+                    YUV.map(|(known, _)| known)
+                ))),
+            },
         }
     }
 
@@ -42,6 +58,10 @@ impl Order {
         match self {
             Order::Bgr => "bgr",
             Order::Rgb => "rgb",
+            Order::Yuv(order) => {
+                let found = YUV.iter().find(|(_, known)| *known == order);
+                found.map_or("yuv", |(name, _)| name)
+            }
         }
     }
 
@@ -49,11 +69,24 @@ impl Order {
         match self {
             Order::Bgr => Order::Rgb,
             Order::Rgb => Order::Bgr,
+            yuv => yuv,
+        }
+    }
+
+    /// Rows of the picture in an array of so many rows; `None` if it cannot have that many.
+    fn height(self, rows: usize) -> Option<usize> {
+        match self {
+            Order::Yuv(ChannelOrder::Nv12 | ChannelOrder::Nv21 | ChannelOrder::I420) => {
+                let height = 2 * rows / 3;
+                (height > 0 && height + height.div_ceil(2) == rows).then_some(height)
+            }
+            _ => Some(rows),
         }
     }
 
     fn of_pixels(self, bytes: usize) -> ChannelOrder {
         match (self, bytes) {
+            (Order::Yuv(order), _) => order,
             (_, 1) => ChannelOrder::Gray,
             (Order::Bgr, 4) => ChannelOrder::Bgra,
             (Order::Rgb, 4) => ChannelOrder::Rgba,
@@ -86,7 +119,7 @@ impl<'py> Image<'py> {
     /// If the object is not an array of bytes in one of the known shapes.
     pub fn of(object: &Bound<'py, PyAny>, order: Order) -> PyResult<Image<'py>> {
         let (array, order) = as_array(object, order)?;
-        let shape = Shape::of(&array)?;
+        let shape = Shape::of(&array, order)?;
         if let Some(image) = Image::lent(&array, shape, order)? {
             return Ok(image);
         }
@@ -112,6 +145,10 @@ impl<'py> Image<'py> {
         let Some((stride, pixels)) = shape.strides(array.strides()) else {
             return Ok(None);
         };
+        // A row of the array holds two rows of chroma without a gap between them.
+        if order == Order::Yuv(ChannelOrder::I420) && stride != shape.width {
+            return Ok(None);
+        }
         let Some(owner) = owner(array)? else {
             return Ok(None);
         };
@@ -129,7 +166,7 @@ impl<'py> Image<'py> {
             order: order.of_pixels(pixels.bytes),
         };
         let bytes = owner.try_readonly()?;
-        let rows = stride.saturating_mul(shape.height - 1);
+        let rows = stride.saturating_mul(shape.rows - 1);
         let needed = rows.saturating_add(shape.width * pixels.bytes);
         let rest = bytes.as_slice()?.get(layout.start..);
         let lent = rest.is_some_and(|rest| rest.len() >= needed);
@@ -157,6 +194,7 @@ impl<'py> Image<'py> {
 /// Sides and channels of an array that holds a picture.
 #[derive(Clone, Copy, Debug)]
 struct Shape {
+    rows: usize, // of the array
     height: usize,
     width: usize,
     channels: usize,
@@ -171,21 +209,39 @@ struct Pixels {
 }
 
 impl Shape {
-    fn of(array: &Bound<'_, PyArrayDyn<u8>>) -> Result<Shape, Failure> {
-        let (height, width, channels) = match *array.shape() {
-            [height, width] => (height, width, 1),
-            [height, width, channels @ (1 | 3 | 4)] => (height, width, channels),
-            ref found => {
-                return Err(Failure::Argument(format!(
-                    "image has the shape {found:?}, expected {EXPECTED}"
-                )));
+    fn of(array: &Bound<'_, PyArrayDyn<u8>>, order: Order) -> Result<Shape, Failure> {
+        let refused = |expected: &str| {
+            let found = array.shape();
+            Failure::Argument(format!(
+                "image has the shape {found:?}, expected {expected}"
+            ))
+        };
+        let (rows, width, channels) = match (order, array.shape()) {
+            (Order::Yuv(ChannelOrder::Yuyv | ChannelOrder::Uyvy), &[rows, width, 2])
+                if width % 2 == 0 =>
+            {
+                (rows, width, 2)
             }
+            (Order::Yuv(ChannelOrder::Yuyv | ChannelOrder::Uyvy), _) => {
+                return Err(refused("H x W x 2 with an even W"));
+            }
+            (Order::Yuv(_), &[rows, width] | &[rows, width, 1]) if width % 2 == 0 => {
+                (rows, width, 1)
+            }
+            (Order::Yuv(_), _) => return Err(refused("(3 H / 2) x W with an even W")),
+            (_, &[rows, width]) => (rows, width, 1),
+            (_, &[rows, width, channels @ (1 | 3 | 4)]) => (rows, width, channels),
+            _ => return Err(refused(EXPECTED)),
+        };
+        let Some(height) = order.height(rows) else {
+            return Err(refused("(3 H / 2) x W"));
         };
         let max = Frame::MAX_SIDE;
         if !(1..=max).contains(&width) || !(1..=max).contains(&height) {
             return Err(FrameError::Size { width, height, max }.into());
         }
         Ok(Shape {
+            rows,
             height,
             width,
             channels,
@@ -203,6 +259,7 @@ impl Shape {
         let channel = if self.channels == 1 { 1 } else { strides[2] };
         let (bytes, reversed) = match (self.channels, pixel, channel) {
             (1, 1, _) => (1, false),
+            (2, 2, 1) => (2, false),
             (3, 3, 1) => (3, false),
             (3, 3, -1) => (3, true),
             (3 | 4, 4, 1) => (4, false),
@@ -210,7 +267,7 @@ impl Shape {
             _ => return None,
         };
         let row = self.width * bytes;
-        let stride = if self.height == 1 {
+        let stride = if self.rows == 1 {
             row
         } else {
             usize::try_from(strides[0]).ok()?

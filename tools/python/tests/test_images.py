@@ -107,6 +107,65 @@ def test_one_channel_of_a_view_is_that_channel(model, pictures, box):
     assert follow(track_cpu.Tracker(model), channel, box) == expected
 
 
+def yuv(picture, order):
+    """A picture in YUV (BT.601, limited range, the corner's chroma), and the same in BGR."""
+    blue, green, red = (picture[..., channel].astype(float) for channel in range(3))
+    luma = 16 + (65.5 * red + 128.6 * green + 25 * blue) / 255
+    u = 128 + (-37.8 * red - 74.2 * green + 112 * blue) / 255
+    v = 128 + (112 * red - 93.8 * green - 18.2 * blue) / 255
+    down = 1 if order in ("yuyv", "uyvy") else 2
+    y, u, v = (
+        plane.round().astype(np.uint8) for plane in (luma, u[::down, ::2], v[::down, ::2])
+    )
+    whole_u, whole_v = (
+        plane.repeat(2, axis=1).repeat(down, axis=0).astype(int) - 128 for plane in (u, v)
+    )
+    light = 298 * (y.astype(int) - 16) + 128
+    bgr = [light + 516 * whole_u, light - 100 * whole_u - 208 * whole_v, light + 409 * whole_v]
+    bgr = (np.stack(bgr, axis=2) >> 8).clip(0, 255).astype(np.uint8)
+    pairs = {"nv12": (u, v), "nv21": (v, u)}
+    if order in pairs:
+        chroma = np.stack(pairs[order], axis=2).reshape(len(u), -1)
+        return np.concatenate([y, chroma]), bgr
+    if order == "i420":
+        return np.concatenate([y.ravel(), u.ravel(), v.ravel()]).reshape(-1, y.shape[1]), bgr
+    chroma = np.stack([u, v], axis=2).reshape(y.shape)
+    return np.stack([y, chroma] if order == "yuyv" else [chroma, y], axis=2), bgr
+
+
+@pytest.mark.parametrize("order", ["nv12", "nv21", "i420", "yuyv", "uyvy"])
+def test_yuv_gives_the_boxes_of_the_converted_pictures(model, pictures, box, order):
+    few = [yuv(picture, order) for picture in pictures[:5]]
+    expected = follow(track_cpu.Tracker(model), [bgr for _, bgr in few], box)
+
+    def padded(array):
+        around = np.full((len(array), array.shape[1] + 6, *array.shape[2:]), 77, np.uint8)
+        around[:, : array.shape[1]] = array
+        return around[:, : array.shape[1]]
+
+    for form in (lambda array: array, padded):
+        tracker = track_cpu.Tracker(model, order=order)
+        assert tracker.order == order
+        assert follow(tracker, [form(array) for array, _ in few], box) == expected
+
+
+@pytest.mark.parametrize(
+    "order, shape",
+    [
+        ("nv12", (100, 64)),
+        ("nv12", (96, 63)),
+        ("i420", (1, 64)),
+        ("nv21", (96, 64, 3)),
+        ("yuyv", (64, 64)),
+        ("uyvy", (64, 63, 2)),
+        ("bgr", (64, 64, 2)),
+    ],
+)
+def test_shape_that_no_picture_has_is_refused(model, order, shape):
+    with pytest.raises(ValueError, match="expected"):
+        track_cpu.Tracker(model, order=order).init(np.zeros(shape, np.uint8), (8, 8, 16, 16))
+
+
 def test_order_matters(model, pictures, box, boxes):
     assert follow(track_cpu.Tracker(model, order="rgb"), pictures, box) != boxes
 

@@ -1,52 +1,22 @@
 //! Pictures and boxes.
 
 use image::{RgbImage, imageops};
+use kernels::Size;
+use kernels::pixels::{Pixels, Plane};
 
-/// The bytes of one pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// One byte of brightness.
-    Gray,
-    /// Red, green, blue.
-    Rgb,
-    /// Blue, green, red.
-    Bgr,
-    /// Red, green, blue, and a byte that is ignored.
-    Rgba,
-    /// Blue, green, red, and a byte that is ignored.
-    Bgra,
-}
+pub use kernels::pixels::ChannelOrder as Order;
 
-impl Order {
-    /// Bytes per pixel.
-    pub fn bytes(self) -> usize {
-        match self {
-            Order::Gray => 1,
-            Order::Rgb | Order::Bgr => 3,
-            Order::Rgba | Order::Bgra => 4,
-        }
-    }
-
-    /// Where red, green and blue stand within a pixel.
-    fn offsets(self) -> [usize; 3] {
-        match self {
-            Order::Gray => [0, 0, 0],
-            Order::Rgb | Order::Rgba => [0, 1, 2],
-            Order::Bgr | Order::Bgra => [2, 1, 0],
-        }
-    }
-}
-
-/// One frame that owns its pixels: `height` rows of `width` pixels without gaps.
+/// One frame that owns its pixels: `height` rows of `width` pixels without gaps, of YUV plane after
+/// plane.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// The pixels, `[height, width, order.bytes()]`.
+    /// The pixels.
     pub data: Vec<u8>,
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// The bytes of one pixel.
+    /// How the bytes are to be read.
     pub order: Order,
 }
 
@@ -69,12 +39,18 @@ impl Picture {
 
     /// Copies the picture into an RGB image of the same size.
     pub fn to_rgb(&self) -> RgbImage {
-        let step = self.order.bytes();
-        let [red, green, blue] = self.order.offsets();
-        let mut image = RgbImage::new(self.width as u32, self.height as u32);
-        for (out, pixel) in image.chunks_exact_mut(3).zip(self.data.chunks_exact(step)) {
-            out.copy_from_slice(&[pixel[red], pixel[green], pixel[blue]]);
+        let (h, w) = (self.height, self.width);
+        let size = Size { h, w };
+        let mut planes = Vec::new();
+        let mut rest = &self.data[..];
+        for shape in self.order.planes(size, self.order.row_bytes(w)) {
+            let (data, behind) = rest.split_at(shape.bytes());
+            let stride = shape.stride;
+            planes.push(Plane { data, stride });
+            rest = behind;
         }
+        let mut image = RgbImage::new(w as u32, h as u32);
+        Pixels::new(self.order, size, &planes).write_rgb(&mut image);
         image
     }
 
@@ -128,6 +104,8 @@ mod tests {
             (Order::Rgba, &[1, 2, 3, 9], [1, 2, 3]),
             (Order::Bgra, &[3, 2, 1, 9], [1, 2, 3]),
             (Order::Gray, &[7], [7, 7, 7]),
+            (Order::Nv12, &[126, 128, 128], [128, 128, 128]),
+            (Order::Yuyv, &[81, 90, 0, 240], [255, 0, 0]),
         ] {
             let picture = Picture {
                 data: pixel.to_vec(),

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use station::{Candidate, Engine, FrameBox, Order, Picture, State, Tracked};
+use station::{Candidate, Engine, FrameBox, Picture, State, Tracked};
 use track_cpu::flight::{Budget, Conduct, FlightOptions, FlightTracker};
-use track_cpu::{BBox, ChannelOrder, Frame, Model};
+use track_cpu::{BBox, Frame, Model};
 
 use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
@@ -102,14 +102,7 @@ impl Engine for TrackerEngine {
 
 /// The picture as the tracker takes it.
 pub fn frame(picture: &Picture) -> Result<Frame<'_>, String> {
-    let order = match picture.order {
-        Order::Gray => ChannelOrder::Gray,
-        Order::Rgb => ChannelOrder::Rgb,
-        Order::Bgr => ChannelOrder::Bgr,
-        Order::Rgba => ChannelOrder::Rgba,
-        Order::Bgra => ChannelOrder::Bgra,
-    };
-    Frame::new(&picture.data, picture.width, picture.height, order)
+    Frame::new(&picture.data, picture.width, picture.height, picture.order)
         .map_err(|error| error.to_string())
 }
 

@@ -7,7 +7,6 @@ use std::time::Duration;
 use scenes::{Difficulty, Flight, FlightConfig, FrameBuffer};
 use station::camera::{Camera, Format, Layout};
 use station::{Feed, Frames, Order, Picture, Stopper};
-use track_cpu::ChannelOrder;
 use track_cpu::source::{Decoder, Image, Input, LIVE_SCHEMES, PixelFormat, RawFormat, Source};
 
 use super::args::ServeArgs;
@@ -122,7 +121,7 @@ impl Frames for SourceFrames {
             data: spare,
             width: 0,
             height: 0,
-            order: ChannelOrder::Gray,
+            order: Order::Gray,
             name: None,
         });
         // After a bad file of a folder the next one follows; after a bad frame of a stream none.
@@ -147,18 +146,11 @@ impl Frames for SourceFrames {
 
 /// The picture of an image.
 pub fn picture(image: Image) -> Picture {
-    let order = match image.order {
-        ChannelOrder::Gray => Order::Gray,
-        ChannelOrder::Rgb => Order::Rgb,
-        ChannelOrder::Bgr => Order::Bgr,
-        ChannelOrder::Rgba => Order::Rgba,
-        ChannelOrder::Bgra => Order::Bgra,
-    };
     Picture {
         data: image.data,
         width: image.width,
         height: image.height,
-        order,
+        order: image.order,
     }
 }
 

@@ -15,7 +15,7 @@ builtin_models: Final[Tuple[str, ...]]
 
 _Path = Union[str, "os.PathLike[str]"]
 _Precision = Literal["f32", "int8"]
-_Order = Literal["bgr", "rgb"]
+_Order = Literal["bgr", "rgb", "nv12", "nv21", "i420", "yuyv", "uyvy"]
 _State = Literal["tracking", "low_confidence", "coasting", "lost", "reacquired"]
 # A NumPy array of uint8, or whatever NumPy makes one of: a PIL image, a PyTorch tensor on the CPU.
 _Image = Union[npt.NDArray[np.uint8], Any]

@@ -4,7 +4,7 @@ use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use track_cpu::source::{Input, Source};
-use track_cpu::{ChannelOrder, Frame};
+use track_cpu::{ChannelOrder, Frame, Isa};
 
 /// A picture in memory: RGB bytes, row-major without gaps, and the color of what lies outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,7 +29,7 @@ impl Picture {
             "picture {width}x{height}"
         );
         let border = Frame::new(&data, width, height, ChannelOrder::Rgb)
-            .map_or([0; 3], |frame| frame.mean_bgr());
+            .map_or([0; 3], |frame| frame.mean_bgr(Isa::detect()));
         Picture {
             width,
             height,
@@ -50,15 +50,7 @@ impl Picture {
             .map_err(|error| error.to_string())?;
         let data = match image.order {
             ChannelOrder::Rgb => image.data,
-            _ => {
-                let bytes = image.order.bytes_per_pixel();
-                let [b, g, r] = image.order.bgr_offsets();
-                image
-                    .data
-                    .chunks_exact(bytes)
-                    .flat_map(|pixel| [pixel[r], pixel[g], pixel[b]])
-                    .collect()
-            }
+            _ => image.frame().to_rgb(),
         };
         Ok(Picture::new(image.width, image.height, data))
     }
