@@ -109,25 +109,23 @@ impl ChannelOrder {
 
     /// The planes of a picture whose first one has rows `stride` bytes apart, up to three.
     ///
-    /// Planes of half the width have half of the stride, rounded up. Sides are above 0.
+    /// Planes of U or V at half the width have half of the stride, rounded up. Sides are above 0.
     pub fn planes(self, size: Size, stride: usize) -> impl Iterator<Item = PlaneShape> {
         let Size { h, w } = size;
         let (half_w, half_h) = (w.div_ceil(2), h.div_ceil(2));
-        // Bytes per row, rows, and what the stride is divided by.
+        let plane = |row, stride, rows| PlaneShape { row, stride, rows };
         let chroma = match self {
-            ChannelOrder::Nv12 | ChannelOrder::Nv21 => [Some((2 * half_w, half_h, 1)), None],
-            ChannelOrder::I420 => [Some((half_w, half_h, 2)); 2],
-            ChannelOrder::I422 => [Some((half_w, h, 2)); 2],
-            ChannelOrder::I444 => [Some((w, h, 1)); 2],
+            ChannelOrder::Nv12 | ChannelOrder::Nv21 => {
+                // Rows of an odd width without gaps are longer than those of luma.
+                let row = 2 * half_w;
+                [Some(plane(row, stride.max(row), half_h)), None]
+            }
+            ChannelOrder::I420 => [Some(plane(half_w, stride.div_ceil(2), half_h)); 2],
+            ChannelOrder::I422 => [Some(plane(half_w, stride.div_ceil(2), h)); 2],
+            ChannelOrder::I444 => [Some(plane(w, stride, h)); 2],
             _ => [None; 2],
         };
-        std::iter::once((self.row_bytes(w), h, 1))
-            .chain(chroma.into_iter().flatten())
-            .map(move |(row, rows, divisor)| PlaneShape {
-                row,
-                stride: stride.div_ceil(divisor),
-                rows,
-            })
+        std::iter::once(plane(self.row_bytes(w), stride, h)).chain(chroma.into_iter().flatten())
     }
 
     /// Offsets of blue, green and red within a packed pixel.
@@ -142,10 +140,9 @@ impl ChannelOrder {
 }
 
 /// Which luma values are black and white.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LumaRange {
     /// 16 and 235, as video usually has it.
-    #[default]
     Limited,
     /// 0 and 255.
     Full,
@@ -406,9 +403,9 @@ impl Yuv<'_> {
             }
             x = at + BLOCK;
         }
-        for x in x..columns.end {
+        for (x, out) in out.iter_mut().enumerate().take(columns.end).skip(x) {
             let c = x / ACROSS * CHROMA;
-            out[x] = self.matrix.bgr(luma[x * LUMA], u[c], v[c]);
+            *out = self.matrix.bgr(luma[x * LUMA], u[c], v[c]);
         }
     }
 
