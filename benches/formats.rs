@@ -180,8 +180,10 @@ fn main() {
                             Mode::Flight(Box::new(tracker.expect("the default options")))
                         }
                     });
+                    let size = format!("{width}x{height}");
+                    let order = format!("{order:?}");
                     println!(
-                        "{name:10} {mode:7} {width:4}x{height:<5} {order:<5?} {init:8.2} {update:9.2} \
+                        "{name:10} {mode:7} {size:10} {order:5} {init:8.2} {update:9.2} \
                          {converted:10.2}"
                     );
                 }

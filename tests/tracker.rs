@@ -365,8 +365,8 @@ fn frames_in_any_channel_order_and_stride_give_the_same_boxes() {
     }
 }
 
-/// A frame of YUV whose chroma comes from the first pixel that shares it, as planes with `gap` bytes
-/// behind each row of the first.
+/// A frame of YUV whose chroma comes from the first pixel that shares it, as planes with `gap`
+/// bytes behind each row.
 fn yuv(rgb: &[u8], order: ChannelOrder, gap: usize) -> Vec<(Vec<u8>, usize)> {
     let convert = |x: usize, y: usize| -> [u8; 3] {
         let [r, g, b] = [0, 1, 2].map(|i| i32::from(rgb[3 * (y * WIDTH + x) + i]));

@@ -1,10 +1,10 @@
 //! Crop and resize: `out[j, i] = bilinear(image, x0 + step_x i, y0 + step_y j)`, rounded to the
 //! nearest byte. Taps outside of the image are a constant border (`docs/method.md`, section 2.2).
 //!
-//! Shapes: a picture of [`Pixels`] `-> u8 [D, D, 3]` in the order blue, green, red. Cost: per output
-//! row one pass that blends two source rows into one, and `3 D` samples of two taps from it. A
-//! column's source coordinate is the same in every row, and is computed once. Source rows of YUV
-//! are converted when they are read, within the columns that are.
+//! Shapes: a picture `-> u8 [D, D, 3]`, blue, green, red. Cost: per output row one pass that blends
+//! two source rows into one, and `3 D` samples of two taps from it. A column's source coordinate is
+//! the same in every row, and is computed once. Of YUV the parts of rows that are read are
+//! converted first.
 
 use crate::par::Threads;
 use crate::pixels::{Pixels, RowReader};

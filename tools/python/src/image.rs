@@ -3,8 +3,8 @@
 //!
 //! Lent without a copy: contiguous arrays, cut-outs, every n-th row, `bgr[..., ::-1]` (the same
 //! bytes in the other order) and `bgra[..., :3]`. Copied: mirrored and transposed arrays, every
-//! n-th column, one channel of several, PIL images. Pictures in YUV come as OpenCV has them: rows of
-//! luma, then those of chroma, in one array (3 H / 2) x W; or H x W x 2.
+//! n-th column, one channel of several, PIL images. YUV comes as OpenCV has it: rows of luma, then
+//! those of chroma, in one array (3 H / 2) x W; or H x W x 2.
 
 use numpy::{
     PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,

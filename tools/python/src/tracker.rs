@@ -14,16 +14,17 @@ use crate::results::{self, Corners, bbox, corners};
 /// `model` is a Model, the name of a built-in model or the path of a weights file; `precision` is
 /// that of Model. `threads` (1 to 256) work on one picture. `as_published` leaves out first-frame
 /// correction, template update and online filter. `order` says how the colors of arrays are
-/// ordered: "bgr", as OpenCV has them, or "rgb"; or that they are YUV, of which only the pixels that
-/// are looked at are converted: "nv12", "nv21" or "i420" (arrays (3 H / 2, W), as OpenCV has them),
-/// "yuyv" or "uyvy" (H, W, 2), with an even W.
+/// ordered: "bgr", as OpenCV has them, or "rgb". Of arrays in YUV only the pixels that are looked
+/// at are converted: "nv12", "nv21" or "i420", in the shape (3 H / 2, W) that OpenCV has, "yuyv" or
+/// "uyvy", in the shape (H, W, 2); W is even.
 ///
 /// `tracker(image)` does what `tracker.update(image)` does, and returns a Track: ok, box, score.
 ///
 /// A picture is a NumPy array of uint8 with the shape (H, W) or (H, W, 1) for gray, (H, W, 3) or
 /// (H, W, 4) with an ignored fourth channel, of any strides, or a PIL image of mode L, RGB or RGBA,
-/// whose colors are RGB whatever `order` says, or an array in YUV as `order` says. Sides are 1 to 32768 pixels, and may change from
-/// picture to picture. Arrays whose pixels lie side by side are not copied. No picture is kept.
+/// whose colors are RGB whatever `order` says, or YUV as it says. Sides are 1 to 32768 pixels, and
+/// may change from picture to picture. Arrays whose pixels lie side by side are not copied. No
+/// picture is kept.
 /// A box is left, top, width and height in pixels: floats, 0-based, not rounded.
 ///
 /// Raises OSError or ModelError as Model does, ValueError for an option. Calls from several threads
