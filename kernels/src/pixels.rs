@@ -351,8 +351,8 @@ impl<'a> Pixels<'a> {
 /// Bytes of a converted pixel: blue, green, red, 0.
 const CONVERTED: usize = 4;
 
-/// Pixels that are converted at a time: a vector of AVX-512.
-const BLOCK: usize = 16;
+/// Pixels that are converted at a time.
+const BLOCK: usize = 64;
 
 impl Yuv<'_> {
     #[inline(always)]
@@ -388,18 +388,19 @@ impl Yuv<'_> {
         let cy = y / self.down;
         let luma = self.luma.from(0, y);
         let (u, v) = (self.u.from(0, cy), self.v.from(0, cy));
-        // The last block begins early enough to be a whole one.
+        // Samples of a block are laid out alike, one per pixel, which compilers vectorize. The last
+        // block begins early enough to be a whole one.
         let mut x = first;
         while x < whole && whole - first >= BLOCK {
             let at = x.min(whole - BLOCK);
             let chroma = at / ACROSS * CHROMA;
             let last = (BLOCK / ACROSS - 1) * CHROMA;
-            let luma = &luma[at * LUMA..][..(BLOCK - 1) * LUMA + 1];
-            let (u, v) = (&u[chroma..][..last + 1], &v[chroma..][..last + 1]);
+            let luma = spread::<LUMA, 1>(&luma[at * LUMA..][..(BLOCK - 1) * LUMA + 1]);
+            let u = spread::<CHROMA, ACROSS>(&u[chroma..][..last + 1]);
+            let v = spread::<CHROMA, ACROSS>(&v[chroma..][..last + 1]);
             let out = &mut out[at..at + BLOCK];
-            for (i, out) in out.iter_mut().enumerate() {
-                let c = i / ACROSS * CHROMA;
-                *out = self.matrix.bgr(luma[i * LUMA], u[c], v[c]);
+            for (((out, y), u), v) in out.iter_mut().zip(luma).zip(u).zip(v) {
+                *out = self.matrix.bgr(y, u, v);
             }
             x = at + BLOCK;
         }
@@ -412,7 +413,7 @@ impl Yuv<'_> {
     /// Converts row `y` of `w` pixels piece by piece; `work` gets a piece and its first column.
     #[inline(always)]
     fn blocks(&self, y: usize, w: usize, mut work: impl FnMut(usize, &[[u8; CONVERTED]])) {
-        const PIECE: usize = 8 * BLOCK;
+        const PIECE: usize = 2 * BLOCK;
         let mut converted = [[0; CONVERTED]; PIECE];
         for x in (0..w).step_by(PIECE) {
             let piece = Yuv {
@@ -426,6 +427,16 @@ impl Yuv<'_> {
             work(x, &converted[..count]);
         }
     }
+}
+
+/// Every `STEP`th sample, each for `TIMES` pixels.
+#[inline(always)]
+fn spread<const STEP: usize, const TIMES: usize>(samples: &[u8]) -> [u8; BLOCK] {
+    let mut out = [0; BLOCK];
+    for (i, out) in out.chunks_exact_mut(TIMES).enumerate() {
+        out.fill(samples[i * STEP]);
+    }
+    out
 }
 
 /// Rows of a picture, packed: lent where they lie so, else converted. Of each row only some columns
@@ -552,8 +563,8 @@ const LANES: usize = 48;
 fn add_bytes(bytes: &[u8], sums: &mut [u32; LANES]) {
     let (chunks, rest) = bytes.as_chunks::<LANES>();
     for chunk in chunks {
-        for (sum, byte) in sums.iter_mut().zip(chunk) {
-            *sum += u32::from(*byte);
+        for i in 0..LANES {
+            sums[i] += u32::from(chunk[i]);
         }
     }
     for (sum, byte) in sums.iter_mut().zip(rest) {
