@@ -563,8 +563,8 @@ const LANES: usize = 48;
 fn add_bytes(bytes: &[u8], sums: &mut [u32; LANES]) {
     let (chunks, rest) = bytes.as_chunks::<LANES>();
     for chunk in chunks {
-        for i in 0..LANES {
-            sums[i] += u32::from(chunk[i]);
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum += u32::from(chunk[i]);
         }
     }
     for (sum, byte) in sums.iter_mut().zip(rest) {
