@@ -182,7 +182,7 @@ impl<'a> Frame<'a> {
     /// Blue, green and red of one pixel.
     ///
     /// # Panics
-    /// If it lies outside of the frame.
+    /// If it lies outside of the frame's bytes.
     #[inline]
     pub fn bgr(&self, x: usize, y: usize) -> [u8; 3] {
         self.pixels.bgr(x, y)

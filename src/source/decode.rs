@@ -224,8 +224,8 @@ impl Decoder {
         })
     }
 
-    /// One headerless frame, as cameras deliver them, in `buffer`. YUV, of
-    /// limited range, stays YUV.
+    /// One headerless frame, as cameras deliver them, in `buffer`. YUV, of limited range, stays
+    /// YUV.
     ///
     /// # Errors
     /// If the format's sizes are out of bounds or `bytes` ends before the frame does.
