@@ -248,6 +248,36 @@ mod tests {
     }
 
     #[test]
+    fn planes_of_odd_sizes_follow_each_other() {
+        let data: Vec<u8> = (0..64).collect();
+        for (order, bytes, padded) in [
+            (ChannelOrder::Nv12, 15 + 2 * 6, 3 * 16 + 16 + 6),
+            (ChannelOrder::I420, 15 + 4 * 3, 3 * 16 + 3 * 8 + 3),
+            (ChannelOrder::Yuyv, 3 * 12, 2 * 16 + 12),
+        ] {
+            let found = Frame::bytes(5, 3, order.row_bytes(5), order);
+            assert_eq!(found, Ok(bytes), "{order:?}");
+            assert!(Frame::new(&data[..bytes], 5, 3, order).is_ok());
+            assert!(Frame::new(&data[..bytes - 1], 5, 3, order).is_err());
+            assert_eq!(Frame::bytes(5, 3, 16, order), Ok(padded), "{order:?}");
+        }
+        let plane = Plane {
+            data: &data,
+            stride: 8,
+        };
+        assert!(Frame::from_planes(&[plane; 2], 5, 3, ChannelOrder::Nv12).is_ok());
+        let message = |planes: &[Plane<'_>], order| {
+            let error = Frame::from_planes(planes, 5, 3, order).unwrap_err();
+            error.to_string()
+        };
+        assert!(message(&[plane], ChannelOrder::Nv12).contains("1 planes, expected 2"));
+        let narrow = Plane { stride: 2, ..plane };
+        assert!(
+            message(&[plane, narrow, plane], ChannelOrder::I420).contains("expected at least 3")
+        );
+    }
+
+    #[test]
     fn mean_of_a_frame_is_bgr_and_truncated() {
         let rgb = [10, 20, 30, 11, 21, 32, 99, 99]; // two pixels, then a gap
         let frame = Frame::with_stride(&rgb, 2, 1, 8, ChannelOrder::Rgb).unwrap();

@@ -303,7 +303,7 @@ mod tests {
     fn stride_shorter_than_a_row_is_refused() {
         for (pixels, stride) in [
             (PixelFormat::Bgra, 19),
-            (PixelFormat::Nv12, 5),
+            (PixelFormat::Nv12, 4),
             (PixelFormat::Yuv420p, 4),
             (PixelFormat::Gray, 0),
         ] {

@@ -218,14 +218,14 @@ impl Shape {
         };
         let (rows, width, channels) = match (order, array.shape()) {
             (Order::Yuv(ChannelOrder::Yuyv | ChannelOrder::Uyvy), &[rows, width, 2])
-                if width % 2 == 0 =>
+                if width.is_multiple_of(2) =>
             {
                 (rows, width, 2)
             }
             (Order::Yuv(ChannelOrder::Yuyv | ChannelOrder::Uyvy), _) => {
                 return Err(refused("H x W x 2 with an even W"));
             }
-            (Order::Yuv(_), &[rows, width] | &[rows, width, 1]) if width % 2 == 0 => {
+            (Order::Yuv(_), &[rows, width] | &[rows, width, 1]) if width.is_multiple_of(2) => {
                 (rows, width, 1)
             }
             (Order::Yuv(_), _) => return Err(refused("(3 H / 2) x W with an even W")),
