@@ -73,20 +73,17 @@ impl<'a> Frame<'a> {
                 expected,
             });
         }
+        let shapes = || order.planes(size(width, height), stride);
         let mut planes = [Plane { data, stride }; MAX_PLANES];
-        let mut count = 0;
         let mut rest = data;
-        for (plane, shape) in planes
-            .iter_mut()
-            .zip(order.planes(size(width, height), stride))
-        {
+        for (plane, shape) in planes.iter_mut().zip(shapes()) {
             *plane = Plane {
                 data: rest,
                 stride: shape.stride,
             };
             rest = rest.get(shape.stride * shape.rows..).unwrap_or_default();
-            count += 1;
         }
+        let count = shapes().count();
         Self::from_planes(&planes[..count], width, height, order)
     }
 
