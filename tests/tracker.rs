@@ -242,9 +242,9 @@ fn boxes_with_any_number_of_threads_are_the_same_bits() {
 fn boxes_on_every_isa_are_nearly_the_same() {
     let weights = Model::builtin_weights();
     let share = weights.header.tracker.online_filter;
-    // In int8 one instruction set rounds to bytes what another one rounds to 16 bits: outputs differ
-    // by 2 % of their RMS. The filter's bump is broad, so that this may decide between two
-    // neighboring cells with nearly the same boxes.
+    // In int8 one instruction set rounds to bytes what another rounds to 16 bits: outputs differ by
+    // 2 % of their RMS. The filter's bump is broad, so that this may decide between two neighboring
+    // cells with nearly the same boxes.
     for (precision, online_filter, least) in [
         (Precision::F32, share, 0.999),
         (Precision::Int8, 0.0, 0.98),
