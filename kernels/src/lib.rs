@@ -17,7 +17,7 @@
 //! | crop and resize | bilinear, constant border | pixels -> `u8 [D, D, 3]` | [`mod@resample`] |
 //! | sigmoid, exp | `y = 1 / (1 + exp(-x))`, `y = exp(x)` | `[n] -> [n]` | [`pointwise`] |
 //!
-//! Convolutions take about 90 % of a frame's time, the tracker's filter 6 %, pools and crops 2 %
+//! Convolutions take about 90 % of a frame's time, the tracker's filter 7 %, pools and crops 2 %
 //! each.
 //!
 //! Every kernel file has the same five parts in the same order: the module's doc (formula, shapes,
