@@ -34,7 +34,7 @@ struct picture {
 /* With `behind` bytes of chroma behind the first plane. */
 static struct picture yuv(int shift, int channels, size_t stride, size_t behind) {
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
-    size_t bytes = (HEIGHT - 1) * stride + (behind ? stride + behind : WIDTH * channels);
+    size_t bytes = (HEIGHT - 1) * stride + (behind ? stride + behind : (size_t)WIDTH * channels);
     size_t readable = (bytes + page - 1) / page * page;
     struct picture made = {NULL, NULL, readable + page};
     int access = PROT_READ | PROT_WRITE;
