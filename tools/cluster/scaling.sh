@@ -37,6 +37,7 @@ def read(folder):
 for name in ("one", "apart", "two"):
     runs = [read(f"{name}-{turn}") for turn in (1, 2, 3)]
     seconds = [run[0] for run in runs]
-    print(f"{name:6} {statistics.median(seconds):.3f} s per step ({min(seconds):.3f} to {max(seconds):.3f})")
+    middle, least, most = statistics.median(seconds), min(seconds), max(seconds)
+    print(f"{name:6} {middle:.3f} s per step ({least:.3f} to {most:.3f})")
 print(f"gradients: {runs[0][1]} bytes")
 PY

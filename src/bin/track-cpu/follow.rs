@@ -122,7 +122,10 @@ impl Follower {
 
 /// Tells the user if flight mode would judge these weights by the coefficients of others, or leaves
 /// an option without effect.
-pub fn note_flight(model: &Model, engine: &EngineArgs) {
+pub fn note_flight(model: &Model, engine: &EngineArgs, mode: Mode) {
+    if mode != Mode::Flight {
+        return;
+    }
     if !Presence::is_fitted(model.header()) {
         eprintln!(
             "note: the model has no presence coefficients, so a built-in model's are used; \

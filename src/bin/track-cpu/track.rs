@@ -10,7 +10,6 @@ use serde_json::{Value, json};
 use track_cpu::BBox;
 use track_cpu::source::{BadFrames, Image, Input, OnBadFrame, Prefetch, Source};
 
-use crate::args::Mode;
 use crate::args::track::TrackArgs;
 use crate::exit::Failure;
 use crate::follow::{Follower, Found, note_flight};
@@ -24,9 +23,7 @@ const AHEAD: usize = 3;
 /// Runs the sub-command.
 pub fn run(args: &TrackArgs) -> Result<(), Failure> {
     let model = args.engine.model(args.model.name())?;
-    if args.mode == Mode::Flight {
-        note_flight(&model, &args.engine);
-    }
+    note_flight(&model, &args.engine, args.mode);
     let source = Source::open(&Input {
         location: args.input.clone(),
         raw: args.raw.format(),

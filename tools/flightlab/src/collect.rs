@@ -58,8 +58,7 @@ pub fn collect(model: &Model, clips: &[Clip], jobs: usize) -> Result<Vec<Samples
 }
 
 fn from_clip(model: &Model, clip: &Clip) -> Result<Samples, Failure> {
-    // A fit with stretched regions leans on what is then not learned in flight: it disbelieved
-    // drmim-p75's targets in up to 75 % of a sequence.
+    // A fit with stretched regions leans on what is then not learned in flight: docs/decisions.md.
     let config = TrackConfig {
         unstretch: 0.0,
         ..model.config()

@@ -99,5 +99,7 @@ pub use feed::{Feed, Frames, Open, Stopper};
 pub use health::{Health, Pulse};
 pub use hub::{Hub, Limits};
 pub use picture::{FrameBox, Order, Picture};
-pub use report::{Candidate, Followed, Freshness, Report, State, TargetId, Tracked, View};
+pub use report::{
+    BELIEVED, Candidate, Followed, Freshness, Report, State, TargetId, Tracked, View,
+};
 pub use station::{Options, Station};

@@ -93,11 +93,12 @@ pub struct Tracked {
 }
 
 /// Least presence of a box that is acted on.
-const BELIEVED: f32 = 0.4;
+pub const BELIEVED: f32 = 0.4;
 
 impl Tracked {
     /// Whether the box is worth acting on: the target is seen, and its presence, if the tracker
-    /// estimates it, is at least 0.4.
+    /// estimates it, is at least
+    /// [`BELIEVED`].
     pub fn is_believed(&self) -> bool {
         self.state.is_seen() && self.presence.is_none_or(|presence| presence >= BELIEVED)
     }

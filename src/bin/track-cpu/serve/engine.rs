@@ -10,6 +10,9 @@ use crate::args::{EngineArgs, Mode};
 use crate::exit::Failure;
 use crate::follow::flight_options;
 
+// Station and tracker know nothing of each other, but mean the same by a believed target.
+const _: () = assert!(station::BELIEVED == track_cpu::flight::BELIEVED);
+
 /// A tracker that may have no target.
 pub struct TrackerEngine {
     tracker: FlightTracker,

@@ -22,7 +22,6 @@ use station::commands::Place;
 use station::{Engine, Station};
 use track_cpu::{BBox, TrackError};
 
-use crate::args::Mode;
 use crate::exit::Failure;
 use crate::follow::note_flight;
 use args::ServeArgs;
@@ -44,9 +43,7 @@ pub fn run(args: &ServeArgs) -> Result<(), Failure> {
         return Err(station::Error::output("--commands -", reason).into());
     }
     let model = args.engine.model(args.model.name())?;
-    if args.mode == Mode::Flight {
-        note_flight(&model, &args.engine);
-    }
+    note_flight(&model, &args.engine, args.mode);
     let (feed, repeats) = feed::open(args).map_err(station::Error::Source)?;
     let options = args.options(&model, repeats);
     let mut engines: Vec<Box<dyn Engine>> = Vec::new();
