@@ -1,4 +1,4 @@
-"""Times engines in turn and writes the table of docs/results.md.
+"""Times engines in turn and writes two tables of docs/results.md: peers, and the paper's speeds.
 
     bench.py TRACK_CPU FOLDER DOCUMENT [ROUNDS]
 
@@ -22,20 +22,51 @@ track_cpu, folder, document = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Pa
 rounds = int(sys.argv[4]) if len(sys.argv) > 4 else 5
 here = pathlib.Path(__file__).parent
 ENGINES = {
-    "f32": {"track-cpu": None, "mnn": "MNN", "ort": "ONNX Runtime", "openvino": "OpenVINO"},
-    "int8": {"track-cpu": None, "openvino-int8": "OpenVINO", "ort-int8": "ONNX Runtime"},
+    "f32": {
+        "track-cpu": None,
+        "mnn": "MNN",
+        "ncnn": "ncnn",
+        "ort": "ONNX Runtime",
+        "openvino": "OpenVINO",
+        "litert": "LiteRT",
+        "torch": "PyTorch",
+    },
+    "int8": {
+        "track-cpu": None,
+        "openvino-int8": "OpenVINO",
+        "ort-int8": "ONNX Runtime",
+        "litert-int8": "LiteRT",
+    },
 }
+# Processors with matrix units are servers' ones: there, once more without them.
+AMX = "amx_int8" in pathlib.Path("/proc/cpuinfo").read_text()
+if AMX:
+    ENGINES["int8"]["openvino-int8"] = "OpenVINO with AMX"
+    ENGINES["int8"]["openvino-int8-vnni"] = "OpenVINO"
+# The networks of the paper with its frames per second on ten cores, and who runs them here.
+PAPER = {
+    "full": ("SiamFC++, not pruned", "-"),
+    "half": ("P-SiamFC++, pruned by 0.5", "46.1"),
+    "half+encoder": ("DR-MIM, pruned by 0.5", "92.1"),
+}
+PAPER_ENGINES = {"PyTorch": ("f32", "torch"), "f32": ("f32", "track-cpu")}
+PAPER_ENGINES["int8"] = ("int8", "track-cpu")
 
 
 class Engine:
-    def __init__(self, name, precision, widths, threads):
-        command = [sys.executable, str(here / "worker.py"), name, widths, str(threads), str(folder)]
+    def __init__(self, name, precision, net, threads):
+        engine = name.removesuffix("-vnni")
+        command = [sys.executable, str(here / "worker.py"), engine, net, str(threads), str(folder)]
         if name == "track-cpu":
+            widths, _, encoder = net.partition("+")
             channels = ",".join(map(str, network.WIDTHS[widths]))
             command = [track_cpu, "bench", "worker", "--widths", channels]
             command += ["--threads", str(threads), "--precision", precision]
+            command += ["--encoder", "3x3" if encoder else "none"]
         pin = ["taskset", "-c", ",".join(map(str, range(os.cpu_count())[-threads:]))]
         environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
+        if name.endswith("-vnni"):
+            environment["ONEDNN_MAX_CPU_ISA"] = "AVX512_CORE_VNNI"
         self.process = subprocess.Popen(
             pin + command,
             stdin=subprocess.PIPE,
@@ -68,15 +99,15 @@ class Engine:
         self.process.wait()
 
 
-def table(widths, threads, versions):
-    """Medians in ms by precision and engine, measured in one go."""
-    engines = {(p, n): Engine(n, p, widths, threads) for p, names in ENGINES.items() for n in names}
+def medians(net, threads, keys, versions):
+    """Medians in ms of the engines `keys`, pairs of precision and name, measured in turn."""
+    engines = {(precision, name): Engine(name, precision, net, threads) for precision, name in keys}
     for done in range(rounds):
         order = list(engines)
         turn = done % len(order)
         for key in order[turn:] + order[:turn]:
             engines[key].turn(12)
-        print(f"{widths}, {threads} threads: round {done + 1} of {rounds}", file=sys.stderr)
+        print(f"{net}, {threads} threads: round {done + 1} of {rounds}", file=sys.stderr)
     for engine in engines.values():
         engine.end()
         versions.add(engine.version)
@@ -89,30 +120,59 @@ def machine():
     return f"{model}, {os.cpu_count()} cores, Linux {platform.release().split('-')[0]}"
 
 
-versions, columns = {""}, {}
-versions.discard("")
-counts = [n for n in (1, 2, 4) if n <= os.cpu_count()]
-for widths in network.WIDTHS:
-    for threads in counts:
-        columns[widths, threads] = table(widths, threads, versions)
-versions.discard("")
+def threads(n):
+    return f"{n} thread{'s' * (n > 1)}"
+
+
+def peers_table():
+    """One search pass in ms, with the ratio of ours to the best other."""
+    versions, columns = set(), {}
+    keys = [(precision, name) for precision, names in ENGINES.items() for name in names]
+    for net in ("half", "small"):
+        for n in counts:
+            columns[net, n] = medians(net, n, keys, versions)
+    versions = ", ".join(sorted(filter(None, versions)))
+    lines = [f"{machine()}; {time.strftime('%Y-%m-%d')}; {program}, {versions}.", ""]
+    titles = [f"{net}, {threads(n)}" for net, n in columns]
+    lines += ["| | | " + " | ".join(titles) + " |", "|---|---|" + "---|" * len(columns)]
+    for precision, names in ENGINES.items():
+        others = [(precision, name) for name in names if name != "track-cpu"]
+        if AMX and precision == "int8":
+            others.remove((precision, "openvino-int8"))
+        best = {column: min(found[key] for key in others) for column, found in columns.items()}
+        for name, title in names.items():
+            cells = []
+            for column, found in columns.items():
+                ms = found[precision, name]
+                ours = f"**{ms:.2f}** ({ms / best[column]:.2f}x)"
+                cells.append(ours if title is None else f"{ms:.2f}")
+            lines.append(f"| {precision} | {title or '**track-cpu**'} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def paper_table():
+    """Search passes per second of the paper's networks."""
+    titles = [f"{title}, {threads(n)}" for title in PAPER_ENGINES for n in counts]
+    titles = [title.replace("f32", "track-cpu f32").replace("int8", "track-cpu int8") for title in titles]
+    lines = ["| | paper, 10 cores | " + " | ".join(titles) + " |", "|---|" + "---|" * (1 + len(titles))]
+    for net, (title, published) in PAPER.items():
+        found = {n: medians(net, n, PAPER_ENGINES.values(), set()) for n in counts}
+        cells = [f"{1e3 / found[n][key]:.0f}" for key in PAPER_ENGINES.values() for n in counts]
+        lines.append(f"| {title} | {published} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def write(mark, lines):
+    """Puts the lines between the marks of the document."""
+    text = document.read_text()
+    before, rest = text.split(f"<!-- {mark} -->\n", 1)
+    after = rest.split(f"<!-- /{mark} -->", 1)[1]
+    made = before + f"<!-- {mark} -->\n" + "\n".join(lines) + f"\n<!-- /{mark} -->" + after
+    document.write_text(made)
+    print("\n".join(lines), file=sys.stderr)
+
+
 program = subprocess.check_output([track_cpu, "--version"], text=True).strip()
-lines = [f"{machine()}; {time.strftime('%Y-%m-%d')}; {program}, {', '.join(sorted(versions))}.", ""]
-titles = [f"{widths}, {n} thread{'s' * (n > 1)}" for widths, n in columns]
-lines += ["| | | " + " | ".join(titles) + " |", "|---|---|" + "---|" * len(columns)]
-for precision, names in ENGINES.items():
-    others = [(precision, name) for name in names if name != "track-cpu"]
-    best = {column: min(found[key] for key in others) for column, found in columns.items()}
-    for name, title in names.items():
-        cells = []
-        for column, found in columns.items():
-            ms = found[precision, name]
-            ours = f"**{ms:.2f}** ({ms / best[column]:.2f}x)"
-            cells.append(ours if title is None else f"{ms:.2f}")
-        lines.append(f"| {precision} | {title or '**track-cpu**'} | " + " | ".join(cells) + " |")
-text = document.read_text()
-before, rest = text.split("<!-- table -->\n", 1)
-after = rest.split("<!-- /table -->", 1)[1]
-document.write_text(before + "<!-- table -->\n" + "\n".join(lines) + "\n<!-- /table -->" + after)
-macs = {widths: network.search_pass(widths)[1] / 1e9 for widths in network.WIDTHS}
-print("\n".join(lines), f"\nmultiply-accumulates: {macs}", file=sys.stderr)
+counts = [n for n in (1, 2, 4) if n <= os.cpu_count()]
+write("table", peers_table())
+write("paper", paper_table())

@@ -1,7 +1,8 @@
 """The network's search pass as ONNX with random weights, at several widths, for other engines.
 
 The graph is what runs once per frame: SiamFC++-AlexNet for one crop of 303 x 303, with the template
-features as constant kernels of the two depthwise correlations. Speed depends on shapes alone.
+features as constant kernels of the two depthwise correlations. A name that ends in "+encoder" has
+DR-MIM's encoder E2 behind the backbone. Speed depends on shapes alone.
 """
 
 import numpy as np
@@ -36,14 +37,15 @@ class Builder:
         self.nodes.append(helper.make_node(kind, inputs, [name], name=name, **attributes))
         return name
 
-    def conv(self, name, source, shape, stride=1, relu=True):
+    def conv(self, name, source, shape, stride=1, relu=True, pad=0):
         (channels, side), out, kernel = shape
         deviation = np.sqrt((2 if relu else 1) / (channels * kernel**2))
         weights = self.random.normal(0, deviation, (out, channels, kernel, kernel))
         bias = self.random.normal(0, 0.05, out)
         inputs = [source, self.constant(f"{name}.w", weights), self.constant(f"{name}.b", bias)]
-        made = self.node("Conv", inputs, name, kernel_shape=[kernel] * 2, strides=[stride] * 2)
-        side = (side - kernel) // stride + 1
+        sizes = {"kernel_shape": [kernel] * 2, "strides": [stride] * 2, "pads": [pad] * 4}
+        made = self.node("Conv", inputs, name, **sizes)
+        side = (side + 2 * pad - kernel) // stride + 1
         self.macs += side**2 * out * channels * kernel**2
         return (self.node("Relu", [made], f"{name}.relu") if relu else made), (out, side)
 
@@ -67,8 +69,9 @@ def tensor(name, shape):
     return helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
 
 
-def search_pass(widths):
-    """The model and its multiply-accumulates, for one of `WIDTHS`."""
+def search_pass(name):
+    """The model and its multiply-accumulates, for one of `WIDTHS`, with "+encoder" or without."""
+    widths, _, encoder = name.partition("+")
     c1, c2, c3, c4, c5, neck = WIDTHS[widths]
     build = Builder()
     at, size = build.conv("conv1", "x", ((3, SIDE), c1, 11), stride=2)
@@ -78,6 +81,8 @@ def search_pass(widths):
     at, size = build.conv("conv3", at, (size, c3, 3))
     at, size = build.conv("conv4", at, (size, c4, 3))
     features, shape = build.conv("conv5", at, (size, c5, 3), relu=False)
+    if encoder:
+        features, shape = build.conv("encoder", features, (shape, c5, 3), pad=1)
     towers = []
     for task in ("cls", "reg"):
         at, size = build.conv(f"neck.{task}", features, (shape, neck, 3), relu=False)

@@ -44,8 +44,7 @@ pub fn run(args: &CalibrateArgs) -> Result<(), Failure> {
         &[args.model.as_ref()],
     )?;
     let model = load(args.model.as_ref())?;
-    let mut clips = clips::flights(&args.flights, args.seed);
-    clips.extend(clips::footage(&args.footage)?);
+    let clips = clips::all(&args.flights, args.seed, &args.footage)?;
     let samples = collect(&model, &clips, args.jobs)?;
     if let Some(path) = &args.dump {
         dump(path, &samples)?;

@@ -87,8 +87,23 @@ pub fn difficulty(seed: u64) -> Difficulty {
     }
 }
 
+/// The rendered flights of seeds from `first` on, then all passes over the sequences.
+///
+/// # Errors
+/// If there are none, or a folder cannot be read or holds nothing.
+pub fn all(flights: &FlightArgs, first: u64, footage: &FootageArgs) -> Result<Vec<Clip>, Failure> {
+    let mut clips = rendered(flights, first);
+    clips.extend(recorded(footage)?);
+    if clips.is_empty() {
+        return Err(Failure::Nothing(
+            "no clips: expected --flights above 0, or --sequences".into(),
+        ));
+    }
+    Ok(clips)
+}
+
 /// The rendered flights of seeds from `first` on.
-pub fn flights(args: &FlightArgs, first: u64) -> Vec<Clip> {
+fn rendered(args: &FlightArgs, first: u64) -> Vec<Clip> {
     let width = args.width.clamp(64, 4096);
     let config = |seed| FlightConfig {
         width,
@@ -110,7 +125,7 @@ pub fn flights(args: &FlightArgs, first: u64) -> Vec<Clip> {
 ///
 /// # Errors
 /// If a folder cannot be read or holds nothing.
-pub fn footage(args: &FootageArgs) -> Result<Vec<Clip>, Failure> {
+fn recorded(args: &FootageArgs) -> Result<Vec<Clip>, Failure> {
     let Some(folder) = &args.sequences else {
         return Ok(Vec::new());
     };

@@ -74,8 +74,7 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     )?;
     let model = load(args.model.as_ref())?;
     let presence = presence(args.text.as_ref(), &model)?;
-    let mut clips = clips::flights(&args.flights, args.seed);
-    clips.extend(clips::footage(&args.footage)?);
+    let clips = clips::all(&args.flights, args.seed, &args.footage)?;
     let outcomes = each_clip(&clips, args.jobs, |clip| {
         follow(&model, &presence, args, clip)
     })?;

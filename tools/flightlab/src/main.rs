@@ -202,6 +202,9 @@ pub enum Failure {
     /// A model's coefficients cannot be used.
     #[error(transparent)]
     Presence(#[from] track_cpu::flight::PresenceError),
+    /// A file of coefficients cannot be used.
+    #[error("{0}: {1}")]
+    Coefficients(PathBuf, track_cpu::flight::PresenceError),
     /// A weights file cannot be read.
     #[error(transparent)]
     Read(#[from] weights_format::ReadError),
@@ -235,7 +238,10 @@ impl Failure {
     /// The exit code of the failure.
     fn exit(&self) -> Exit {
         match self {
-            Failure::Model(_) | Failure::Presence(_) | Failure::Read(_) => Exit::Model,
+            Failure::Model(_)
+            | Failure::Presence(_)
+            | Failure::Coefficients(..)
+            | Failure::Read(_) => Exit::Model,
             Failure::Write(_) | Failure::Unwritable(..) => Exit::Output,
             Failure::Clash(_) => Exit::Usage,
             Failure::Sheet(_) | Failure::Sequences(_) | Failure::File(..) | Failure::Nothing(_) => {
@@ -280,7 +286,7 @@ fn presence(text: Option<&PathBuf>, model: &Model) -> Result<Presence, Failure> 
     };
     let text = std::fs::read_to_string(path)
         .map_err(|error| Failure::File(path.clone(), error.to_string()))?;
-    Ok(Presence::parse(&text)?)
+    Presence::parse(&text).map_err(|error| Failure::Coefficients(path.clone(), error))
 }
 
 fn main() -> ExitCode {
