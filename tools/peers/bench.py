@@ -49,8 +49,11 @@ PAPER = {
     "half": ("P-SiamFC++, pruned by 0.5", "46.1"),
     "half+encoder": ("DR-MIM, pruned by 0.5", "92.1"),
 }
-PAPER_ENGINES = {"PyTorch": ("f32", "torch"), "f32": ("f32", "track-cpu")}
-PAPER_ENGINES["int8"] = ("int8", "track-cpu")
+PAPER_ENGINES = {
+    "PyTorch": ("f32", "torch"),
+    "track-cpu f32": ("f32", "track-cpu"),
+    "track-cpu int8": ("int8", "track-cpu"),
+}
 
 
 class Engine:
@@ -99,15 +102,15 @@ class Engine:
         self.process.wait()
 
 
-def medians(net, threads, keys, versions):
-    """Medians in ms of the engines `keys`, pairs of precision and name, measured in turn."""
-    engines = {(precision, name): Engine(name, precision, net, threads) for precision, name in keys}
+def medians(keys, threads, versions):
+    """Medians in ms by (network, precision, engine), all measured in turn."""
+    engines = {key: Engine(key[2], key[1], key[0], threads) for key in keys}
     for done in range(rounds):
         order = list(engines)
         turn = done % len(order)
         for key in order[turn:] + order[:turn]:
             engines[key].turn(12)
-        print(f"{net}, {threads} threads: round {done + 1} of {rounds}", file=sys.stderr)
+        print(f"{threads} threads: round {done + 1} of {rounds}", file=sys.stderr)
     for engine in engines.values():
         engine.end()
         versions.add(engine.version)
@@ -127,10 +130,11 @@ def threads(n):
 def peers_table():
     """One search pass in ms, with the ratio of ours to the best other."""
     versions, columns = set(), {}
-    keys = [(precision, name) for precision, names in ENGINES.items() for name in names]
+    engines = [(precision, name) for precision, names in ENGINES.items() for name in names]
     for net in ("half", "small"):
         for n in counts:
-            columns[net, n] = medians(net, n, keys, versions)
+            found = medians([(net, *engine) for engine in engines], n, versions)
+            columns[net, n] = {key[1:]: ms for key, ms in found.items()}
     versions = ", ".join(sorted(filter(None, versions)))
     lines = [f"{machine()}; {time.strftime('%Y-%m-%d')}; {program}, {versions}.", ""]
     titles = [f"{net}, {threads(n)}" for net, n in columns]
@@ -146,18 +150,21 @@ def peers_table():
                 ms = found[precision, name]
                 ours = f"**{ms:.2f}** ({ms / best[column]:.2f}x)"
                 cells.append(ours if title is None else f"{ms:.2f}")
-            lines.append(f"| {precision} | {title or '**track-cpu**'} | " + " | ".join(cells) + " |")
+            cells = [precision, title or "**track-cpu**", *cells]
+            lines.append("| " + " | ".join(cells) + " |")
     return lines
 
 
 def paper_table():
     """Search passes per second of the paper's networks."""
     titles = [f"{title}, {threads(n)}" for title in PAPER_ENGINES for n in counts]
-    titles = [title.replace("f32", "track-cpu f32").replace("int8", "track-cpu int8") for title in titles]
-    lines = ["| | paper, 10 cores | " + " | ".join(titles) + " |", "|---|" + "---|" * (1 + len(titles))]
+    lines = ["| | paper, 10 cores | " + " | ".join(titles) + " |"]
+    lines.append("|---|" + "---|" * (1 + len(titles)))
+    keys = [(net, *engine) for net in PAPER for engine in PAPER_ENGINES.values()]
+    found = {n: medians(keys, n, set()) for n in counts}
     for net, (title, published) in PAPER.items():
-        found = {n: medians(net, n, PAPER_ENGINES.values(), set()) for n in counts}
-        cells = [f"{1e3 / found[n][key]:.0f}" for key in PAPER_ENGINES.values() for n in counts]
+        engines = [(net, *engine) for engine in PAPER_ENGINES.values()]
+        cells = [f"{1e3 / found[n][engine]:.0f}" for engine in engines for n in counts]
         lines.append(f"| {title} | {published} | " + " | ".join(cells) + " |")
     return lines
 
