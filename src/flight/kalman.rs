@@ -3,7 +3,8 @@
 //! Positions are in frame pixels. [`Motion`] carries them from one frame to the next before the
 //! filter predicts, so that its velocity is the target's own and not the camera's. The state per
 //! axis is position and velocity. Source: Bar-Shalom, Li, Kirubarajan, "Estimation with
-//! Applications to Tracking and Navigation", section 6.2 (continuous white-noise acceleration).
+//! Applications to Tracking and Navigation", section 6.2 (continuous white-noise acceleration) and
+//! 11.2 (noise of adjustable level).
 
 use super::camera::Motion;
 use crate::bbox::FrameBox;
@@ -28,16 +29,26 @@ const USUAL: f64 = 0.33;
 const RARE: f64 = 0.25;
 /// Least standard deviation of a prediction, in target sides.
 const LEAST: f64 = 0.3;
-/// Chance, per square of its side, that the target is anywhere; it grows with the variance.
-const ANYWHERE: f64 = 1e-4;
-/// Most that this chance grows to: that of a target that is somewhere in the view.
-const VIEW: f64 = 0.003;
-/// Objects that look like the target, per square of its side.
-const LOOK_ALIKES: f64 = 0.01;
+/// Chance that the target is anywhere in the view; it grows with the variance.
+const ANYWHERE: f64 = 0.02;
+/// Most that this chance grows to: the target may be out of view.
+const IN_VIEW: f64 = 0.6;
+/// Squares of the target's side in a view of unknown size.
+const SQUARES: f64 = 200.0;
+/// Objects that a few looks in a row take for the target, per square of its side.
+const LOOK_ALIKES: f64 = 0.003;
 /// Share of a new observation in the running mean of surprises, per second since the last one.
 const AGILITY_RATE: f64 = 3.0;
 /// Largest share of one observation in that mean.
 const MOST_AGILITY: f64 = 0.3;
+/// Growth of the restlessness per second and unit of surprise beyond what is expected.
+const RESTLESS_RATE: f64 = 3.0;
+/// Longest time between two measurements that counts for it, in seconds.
+const MOST_SINCE: f64 = 0.1;
+/// Most surprise of one frame that counts.
+const MOST_SURPRISE: f64 = 4.0;
+/// Most restlessness.
+const MOST_RESTLESS: f64 = 100.0;
 /// Share of the velocity that is kept per second without a measurement: far predictions slow down.
 const KEPT_VELOCITY: f64 = 0.74;
 
@@ -62,6 +73,11 @@ impl Axis {
         ];
     }
 
+    /// The squared distance of a measurement from the prediction, in its variance.
+    fn surprise(&self, measured: f64, variance: f64) -> f64 {
+        (measured - self.position).powi(2) / (self.variance[0] + variance)
+    }
+
     fn correct(&mut self, measured: f64, variance: f64) {
         let [p, c, v] = self.variance;
         let innovation = measured - self.position;
@@ -79,8 +95,10 @@ pub(crate) struct Kalman {
     y: Axis,
     w: f64,
     h: f64,
-    agility: f64, // running mean of the target's distance from its predicted place, in its sides
-    since: f64,   // seconds since the last measurement
+    restless: f64, // factor of the acceleration's density, learned from the target's surprises
+    view: f64,     // area of the view in pixels
+    agility: f64,  // running mean of the target's distance from its predicted place, in its sides
+    since: f64,    // seconds since the last measurement
 }
 
 impl Kalman {
@@ -99,8 +117,27 @@ impl Kalman {
             y: axis(bbox.cy),
             w,
             h,
+            restless: 1.0,
+            view: SQUARES * side * side,
             agility: 0.0,
             since: 0.0,
+        }
+    }
+
+    /// This target found again at a box, standing still: it is as restless as before.
+    pub(crate) fn found(&self, bbox: &FrameBox) -> Kalman {
+        Kalman {
+            restless: self.restless,
+            view: self.view,
+            ..Kalman::new(bbox)
+        }
+    }
+
+    /// The same target in a view of `width` x `height` pixels.
+    pub(crate) fn in_view(self, width: usize, height: usize) -> Kalman {
+        Kalman {
+            view: (width * height) as f64,
+            ..self
         }
     }
 
@@ -120,8 +157,9 @@ impl Kalman {
             self.y.velocity,
         ) = (cx, cy, vx, vy);
         let area = self.side() * self.side();
-        self.x.predict(ACCELERATION * area, WANDER * area, dt);
-        self.y.predict(ACCELERATION * area, WANDER * area, dt);
+        let acceleration = ACCELERATION * self.restless * area;
+        self.x.predict(acceleration, WANDER * area, dt);
+        self.y.predict(acceleration, WANDER * area, dt);
         self.since += dt;
     }
 
@@ -129,9 +167,16 @@ impl Kalman {
     pub(crate) fn correct(&mut self, bbox: &FrameBox, trust: f64) {
         let rate = (AGILITY_RATE * self.since).min(MOST_AGILITY);
         self.agility += rate * trust * (self.distance(bbox) - self.agility);
-        self.since = 0.0;
         // A half hidden target's box is off by a good part of its side.
         let variance = (MEASUREMENT * self.side() / trust.powi(2).clamp(0.01, 1.0)).powi(2);
+        // Squared innovations are as large as their variance where the density is right.
+        let surprise = 0.5
+            * (self.x.surprise(bbox.cx.into(), variance)
+                + self.y.surprise(bbox.cy.into(), variance));
+        let excess = trust * (surprise.min(MOST_SURPRISE) - 1.0);
+        let growth = (RESTLESS_RATE * self.since.min(MOST_SINCE) * excess).exp();
+        self.restless = (self.restless * growth).clamp(1.0, MOST_RESTLESS);
+        self.since = 0.0;
         self.x.correct(bbox.cx.into(), variance);
         self.y.correct(bbox.cy.into(), variance);
     }
@@ -192,7 +237,8 @@ impl Kalman {
         let density = |spread: f64| (-0.5 * (d / spread).powi(2)).exp() / (TAU * spread * spread);
         let usual = density((USUAL * spread).max(LEAST));
         let rare = density(spread.max(LEAST));
-        let anywhere = (ANYWHERE * (1.0 + spread * spread)).min(VIEW);
+        let squares = (self.view / (self.side() * self.side())).max(1.0);
+        let anywhere = (ANYWHERE * (1.0 + spread * spread)).min(IN_VIEW) / squares;
         ((1.0 - RARE) * usual + RARE * rare + anywhere).ln() - LOOK_ALIKES.ln()
     }
 
@@ -293,7 +339,7 @@ mod tests {
     fn place_near_the_prediction_speaks_for_the_target() {
         let mut kalman = standing();
         let away = |kalman: &Kalman, sides: f32| kalman.log_ratio(&at(100.0 + sides * 14.14, 50.0));
-        assert!(away(&kalman, 0.0) > 2.0 && away(&kalman, 3.0) < -4.0);
+        assert!(away(&kalman, 0.0) > 2.0 && away(&kalman, 3.0) < -2.0);
         let soon = (away(&kalman, 0.0), away(&kalman, 3.0));
         for _ in 0..60 {
             kalman.predict(&Motion::default(), FRAME);
@@ -301,6 +347,42 @@ mod tests {
         let late = (away(&kalman, 0.0), away(&kalman, 3.0));
         assert!(late.0 < soon.0 && late.1 > soon.1, "{soon:?} {late:?}");
         assert!(away(&kalman, 1000.0).is_finite());
+    }
+
+    #[test]
+    fn target_that_leaps_is_expected_farther_away_than_a_calm_one() {
+        let after = |leap: f32| {
+            let mut kalman = Kalman::new(&at(100.0, 50.0));
+            for step in 0..30 {
+                kalman.predict(&Motion::default(), FRAME);
+                let aside = if step % 4 < 2 { leap } else { -leap };
+                kalman.correct(&at(100.0 + aside, 50.0), 1.0);
+            }
+            for _ in 0..15 {
+                kalman.predict(&Motion::default(), FRAME);
+            }
+            kalman
+        };
+        let (calm, wild) = (after(0.0), after(7.0));
+        assert_eq!(calm.restless, 1.0);
+        assert!(wild.spread() > 3.0 * calm.spread());
+        assert!(wild.gate() > 2.0 * calm.gate());
+        let there = at(150.0, 50.0);
+        assert!(wild.log_ratio(&there) > calm.log_ratio(&there) + 2.0);
+        assert_eq!(wild.found(&there).restless, wild.restless);
+    }
+
+    #[test]
+    fn far_place_is_likelier_in_a_view_of_few_squares() {
+        let after = |width, height| {
+            let mut kalman = standing().in_view(width, height);
+            for _ in 0..90 {
+                kalman.predict(&Motion::default(), FRAME);
+            }
+            kalman.log_ratio(&at(400.0, 50.0))
+        };
+        let (few, many) = (after(120, 80), after(1200, 800));
+        assert!((few - many - 100f64.ln()).abs() < 0.1, "{few} {many}");
     }
 
     #[test]

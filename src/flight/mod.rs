@@ -157,7 +157,7 @@ impl FlightTracker {
         self.judge.begin(frame, &bbox.center());
         self.search.reset();
         self.standing = Standing::new();
-        self.target = Some(Target::new(&bbox.center()));
+        self.target = Some(Target::new(&bbox.center(), frame));
         self.nothing = false;
         self.score = 0.0;
         self.presence = 1.0;
@@ -210,7 +210,7 @@ impl FlightTracker {
         let resized = self.tracker.adapt_to(frame).is_some_and(|c| c.from != c.to);
         if resized && let Some(position) = self.tracker.position() {
             // Nothing else that is remembered holds in other pixels.
-            *target = Target::new(&position.shown);
+            *target = Target::new(&position.shown, frame);
             self.judge.rivals.clear();
             self.search.give_up();
         }
@@ -509,6 +509,14 @@ impl FlightTracker {
         };
         let found = search::resized(&found.center(), &last);
         self.examine(frame, found.corner())
+    }
+
+    /// Log-odds of a box by its place alone, and whether a search would consider it; `None` without
+    /// a target.
+    pub fn place_odds(&self, bbox: BBox) -> Option<(f64, bool)> {
+        let target = self.target?;
+        let bbox = bbox.center();
+        Some((target.motion.log_ratio(&bbox), target.can_be_at(&bbox)))
     }
 
     /// What spoke for the last box that was judged.

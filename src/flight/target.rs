@@ -3,6 +3,7 @@
 use super::camera::Motion;
 use super::kalman::Kalman;
 use crate::bbox::FrameBox;
+use crate::frame::Frame;
 
 /// Seconds that the target must stay surely seen before its motion is remembered.
 const ANCHOR_AGE: f64 = 0.15;
@@ -30,9 +31,12 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// A target that stands still.
-    pub(super) fn new(bbox: &FrameBox) -> Target {
-        let motion = Kalman::new(bbox);
+    /// A target that stands still in `frame`.
+    pub(super) fn new(bbox: &FrameBox, frame: &Frame<'_>) -> Target {
+        Target::moving(Kalman::new(bbox).in_view(frame.width(), frame.height()))
+    }
+
+    fn moving(motion: Kalman) -> Target {
         Target {
             motion,
             anchor: motion,
@@ -48,7 +52,7 @@ impl Target {
                 motion: self.motion,
                 age: 0.0,
             }),
-            ..Target::new(bbox)
+            ..Target::moving(self.motion.found(bbox))
         }
     }
 

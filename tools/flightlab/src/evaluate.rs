@@ -47,9 +47,11 @@ struct Moment {
 /// What a look at the true place of a visible target that is not followed shows.
 #[derive(Clone, Copy, Debug)]
 struct Missed {
-    away: f32,     // of the reported box, in sides of the target
-    iou: f32,      // of the box found there
-    log_odds: f64, // of its appearance
+    away: f32,          // of the reported box, in sides of the target
+    iou: f32,           // of the box found there
+    log_odds: f64,      // of its appearance
+    place: f64,         // log-odds of the true place
+    within_reach: bool, // of a search
 }
 
 /// What one clip came to.
@@ -85,8 +87,12 @@ pub fn run(args: &EvaluateArgs) -> Result<(), Failure> {
                 let other = if m.other { " other" } else { "" };
                 let missed = m.missed.map_or(String::new(), |missed| {
                     format!(
-                        " away {:.1} look {:.2} {:.2}",
-                        missed.away, missed.iou, missed.log_odds
+                        " away {:.1} look {:.2} {:.2} place {:.2} {}",
+                        missed.away,
+                        missed.iou,
+                        missed.log_odds,
+                        missed.place,
+                        if missed.within_reach { "near" } else { "far" }
                     )
                 });
                 println!(
@@ -229,11 +235,16 @@ fn look_at(
     let center = truth.bbox.center();
     let reported = moment.bbox.center();
     let distance = (reported.cx - center.cx).hypot(reported.cy - center.cy);
+    let Some((place, within_reach)) = tracker.place_odds(truth.bbox) else {
+        return Ok(None);
+    };
     let found = tracker.examine_twice(frame, (center.cx, center.cy))?;
     Ok(found.map(|(bbox, evidence)| Missed {
         away: distance / truth.bbox.area().sqrt().max(1.0),
         iou: bbox.iou(&truth.bbox),
         log_odds: tracker.presence().again.log_odds(&evidence),
+        place,
+        within_reach,
     }))
 }
 
