@@ -101,9 +101,13 @@ fn split(bytes: &[u8]) -> Result<(Metadata, &[u8]), ReadError> {
         ));
     }
     let Some((header, rest)) = bytes.split_first_chunk() else {
-        return Err(ReadError::container("file", "at least 8 bytes", length));
+        return Err(foreign(bytes));
     };
     let header = u64::from_le_bytes(*header);
+    // In a file of another kind these bytes are no length, and no JSON follows them.
+    if header > rest.len() as u64 && rest.first() != Some(&b'{') {
+        return Err(foreign(bytes));
+    }
     let most = MAX_HEADER_BYTES.min(rest.len() as u64);
     if header > most {
         return Err(ReadError::container(
@@ -120,6 +124,29 @@ fn split(bytes: &[u8]) -> Result<(Metadata, &[u8]), ReadError> {
         return Err(ReadError::container("data", expected, data.len()));
     }
     Ok((metadata, data))
+}
+
+/// The error for a file of another kind; it shows how the file begins.
+fn foreign(bytes: &[u8]) -> ReadError {
+    const SHOWN: usize = 32;
+    let start = &bytes[..bytes.len().min(SHOWN)];
+    // A character that is cut at the end does not make text binary.
+    let text = match std::str::from_utf8(start) {
+        Ok(text) => text,
+        Err(error) if error.error_len().is_none() => {
+            std::str::from_utf8(&start[..error.valid_up_to()]).unwrap_or_default()
+        }
+        Err(_) => "",
+    };
+    let line = text.lines().next().unwrap_or_default();
+    let is_text =
+        !line.is_empty() && !text.contains(|c: char| c.is_control() && !c.is_whitespace());
+    let found = if is_text {
+        format!("text that begins with {line:?}")
+    } else {
+        format!("{} bytes of another kind", bytes.len())
+    };
+    ReadError::container("file", "a weights file (safetensors)", found)
 }
 
 /// The values of a tensor from its little-endian bytes, of type F16 or F32.

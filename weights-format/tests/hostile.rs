@@ -71,11 +71,35 @@ fn invalid_container_is_refused_by_part() {
     let twice = format!("{{{},{}", r#""__metadata__":{}"#, &header[1..]);
     let zeros = vec![b' '; (1 << 20) + 1];
     for (what, bytes, expected) in [
-        ("empty", vec![], "file: expected at least 8 bytes, found 0"),
+        (
+            "empty",
+            vec![],
+            "file: expected a weights file (safetensors), found 0 bytes of another kind",
+        ),
         (
             "seven bytes",
             vec![0; 7],
-            "file: expected at least 8 bytes, found 7",
+            "file: expected a weights file (safetensors), found 7 bytes of another kind",
+        ),
+        (
+            "short text",
+            b"a note".to_vec(),
+            "(safetensors), found text that begins with \"a note\"",
+        ),
+        (
+            "text",
+            "# Training\n\nHow to train".into(),
+            "(safetensors), found text that begins with \"# Training\"",
+        ),
+        (
+            "text cut within a character",
+            "\u{20ac}".repeat(11).into(),
+            &format!("found text that begins with {:?}", "\u{20ac}".repeat(10)),
+        ),
+        (
+            "picture",
+            b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR".to_vec(),
+            "(safetensors), found 16 bytes of another kind",
         ),
         (
             "no header",
