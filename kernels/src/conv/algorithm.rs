@@ -4,6 +4,9 @@
 //! The plan is arithmetic, not a measurement at load time, so that the same model computes the same
 //! bits in every run. It compares estimates in one unit, a multiply-accumulate of the `f32`
 //! register tile ([`Algorithm::cost`]).
+//!
+//! A new algorithm is a variant of [`Algorithm`] with a cost, listed in [`Algorithm::ALL`] or
+//! `integers` for the benchmark, a variant of `Weights`, and an arm in each `match` of `conv.rs`.
 
 use super::{ConvShape, fold, winograd};
 use crate::quant::Quantization;

@@ -22,6 +22,14 @@
 //! | `int8.rs` | register tiles over bytes |
 //! | `im2col.rs` | patches and a general matrix product: the portable yardstick |
 //! | `pooled.rs` | a convolution and the max-pool after it, band by band |
+//!
+//! | hot loop | file | where it runs |
+//! |---|---|---|
+//! | `products` | `winograd/int16.rs` | int8 on x86: winograd6 and winograd8 on 16-bit integers |
+//! | `ShortGroup::run` | `winograd/stored.rs` | conv1 on AVX-512: winograd10, always `f32` |
+//! | `Tile::add`, `add_runs` | `int8.rs` | int8 on ARM, most layers; the template's neck |
+//! | `Tile::run_sized` | `winograd/on_the_fly.rs` | `f32`: 3x3 layers |
+//! | `add_products` | `direct.rs` | `f32`: conv1, conv2 (from `stored.rs`); all outputs |
 
 /// Calls `$tile.$run` with the sizes of a register tile as constants, of which `$most[vectors]` is
 /// the most pixels.

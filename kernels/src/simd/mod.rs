@@ -43,6 +43,12 @@
 //! baseline, which is correct but slow. Large kernels enter once more for each of their stages
 //! ([`Simd::call`]), so that the compiler optimizes one hot loop at a time.
 //!
+//! **A new instruction set** is a file here with a token type that only its `detect` makes; the
+//! token implements [`Dot`] and [`Simd`], or uses another token's. `isa.rs` then needs its variant
+//! of [`Isa`](crate::Isa), its place in `Isa::available`, slowest first, an arm in each `match`,
+//! and the speeds that the plan of algorithms weighs. SVE does not fit, as vectors have a length
+//! that is known when compiling ([`Simd::LANES`]).
+//!
 //! **Safety.** A token such as `Avx2` exists only if detection has found the instructions, so that
 //! methods on it are safe. All intrinsics are in this folder, and so is all `unsafe` code of the
 //! repository except that of the C interface.
